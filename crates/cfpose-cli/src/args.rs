@@ -1,0 +1,346 @@
+//! The command line as clap sees it.
+
+use std::path::PathBuf;
+
+use cfpose::theta::RotationForm;
+use clap::{Args, Parser, Subcommand, ValueEnum};
+
+/// Estimate a pose or another transformation between two point sets without correspondences.
+#[derive(Debug, Parser)]
+#[command(name = "cfpose", version, propagate_version = true, arg_required_else_help = true)]
+#[command(after_help = "exit codes: 0 usable; 2 wrong arguments; 3 bad input; 4 it ran and has no usable result")]
+pub struct Arguments {
+    /// Command.
+    #[command(subcommand)]
+    pub command: Command,
+}
+
+/// The commands.
+#[derive(Debug, Subcommand)]
+pub enum Command {
+    /// Simulate, estimate, print a table and draw an overlay: offline, from a seed
+    Demo(DemoArgs),
+    /// Estimate theta from two point files
+    Estimate(EstimateArgs),
+    /// Evaluate residual, Jacobian and feature means at one theta, without solving
+    Evaluate(EvaluateArgs),
+    /// List what can be chosen by name
+    List(ListArgs),
+    /// Check registered entries: derivatives, conformance, conditioning, speed
+    Check(CheckArgs),
+    /// Compute an experiment or a shard of it
+    Run(RunArgs),
+    /// Count what is there of a run
+    Status(FolderArgs),
+    /// Turn the records of all shards into tables
+    Merge(FolderArgs),
+    /// Print the tables of a run and write its report.html
+    Report(FolderArgs),
+    /// Work with pose files
+    Pose(PoseArgs),
+    /// Write the reference pages and the lists of the README from the tables
+    Docs(DocsArgs),
+}
+
+/// What defines a problem: two files and the parts of the method.
+#[derive(Debug, Args)]
+pub struct ProblemArgs {
+    /// Transformation model
+    #[arg(long, value_name = "M")]
+    pub model: String,
+    /// Source points P: csv, txt, xyz, ply, obj, pcd, npy
+    #[arg(long, value_name = "FILE")]
+    pub source: PathBuf,
+    /// Target points Q
+    #[arg(long, value_name = "FILE")]
+    pub target: PathBuf,
+    /// Sets everything that is not given: auto or paper
+    #[arg(long, value_name = "NAME", default_value = "auto")]
+    pub preset: String,
+    /// Feature family
+    #[arg(long, value_name = "F")]
+    pub features: Option<String>,
+    /// Solver
+    #[arg(long, value_name = "S")]
+    pub solver: Option<String>,
+    /// Normaliser
+    #[arg(long, value_name = "N")]
+    pub normalise: Option<String>,
+    /// Weighting
+    #[arg(long, value_name = "W")]
+    pub weighting: Option<String>,
+    /// How the two sets sample their shape; no weighting so far depends on it
+    #[arg(long, value_name = "HOW", default_value = "auto")]
+    pub sampling: Sampling,
+    /// auto, identity, pca, grid, a file, or the numbers of theta
+    #[arg(long, value_name = "START", default_value = "auto", allow_hyphen_values = true)]
+    pub start: String,
+    /// Every 2-column file holds pixels of this camera: fx,fy,cx,cy
+    #[arg(long, value_name = "FX,FY,CX,CY", allow_hyphen_values = true)]
+    pub camera: Option<String>,
+    /// Depth of the plane: turns translations in depths into its unit
+    #[arg(long, value_name = "D", allow_hyphen_values = true)]
+    pub depth: Option<f64>,
+    /// Only these parameters move: rx,ry,rz,tx,ty,tz; the others stay as --start gives them
+    #[arg(long, value_name = "NAMES", value_delimiter = ',')]
+    pub free: Option<Vec<String>>,
+    /// Whose axes the names of --free mean: camera, or robot (x y z roll pitch yaw of a robot whose camera looks ahead)
+    #[arg(long, value_name = "FRAME", default_value = "camera")]
+    pub frame: FrameName,
+    /// Whether start strategies may propose reflections of affine maps
+    #[arg(long, value_name = "allow|forbid")]
+    pub reflections: Option<Reflections>,
+    /// How rotations stand in lists of numbers
+    #[arg(long, value_name = "FORM", default_value = "vector")]
+    pub rotation: Rotation,
+    /// Seed of everything random
+    #[arg(long, value_name = "K", default_value_t = 0)]
+    pub seed: u64,
+    /// Threads, all processors when not given; the result does not depend on it
+    #[arg(long, value_name = "T", value_parser = clap::value_parser!(u16).range(1..))]
+    pub threads: Option<u16>,
+    /// Instruction set: auto, avx512, avx2 or baseline
+    #[arg(long, value_name = "ISA", default_value = "auto")]
+    pub isa: String,
+    /// Write the result as JSON to a file, or to standard output for -
+    #[arg(long, value_name = "FILE|-")]
+    pub json: Option<PathBuf>,
+}
+
+/// Arguments of `estimate`.
+#[derive(Debug, Args)]
+pub struct EstimateArgs {
+    #[command(flatten)]
+    #[allow(missing_docs)]
+    pub problem: ProblemArgs,
+    /// Write the pose: .json, .tum, .kitti, else a 4x4 matrix
+    #[arg(long, value_name = "FILE")]
+    pub pose_out: Option<PathBuf>,
+    /// Write the transformed source points in the units of the target file
+    #[arg(long, value_name = "FILE")]
+    pub transformed_out: Option<PathBuf>,
+    /// Report the correspondence also for 1000 points and more
+    #[arg(long)]
+    pub correspondence: bool,
+    /// Print every iteration
+    #[arg(long, short)]
+    pub verbose: bool,
+}
+
+/// Arguments of `evaluate`.
+#[derive(Debug, Args)]
+pub struct EvaluateArgs {
+    #[command(flatten)]
+    #[allow(missing_docs)]
+    pub problem: ProblemArgs,
+    /// The numbers of theta
+    #[arg(long, value_name = "THETA", allow_hyphen_values = true)]
+    pub at: String,
+}
+
+/// Arguments of `list`.
+#[derive(Debug, Args)]
+pub struct ListArgs {
+    /// What to list
+    pub kind: ListKind,
+    /// Write JSON to a file, or to standard output for -
+    #[arg(long, value_name = "FILE|-")]
+    pub json: Option<PathBuf>,
+}
+
+/// Arguments of `check`.
+#[derive(Debug, Args)]
+pub struct CheckArgs {
+    /// A model, family or solver; all when not given
+    pub name: Option<String>,
+    /// Check models and families on these points instead of random ones
+    #[arg(long, value_name = "FILE")]
+    pub on: Option<PathBuf>,
+    /// Seed of the random points and thetas
+    #[arg(long, value_name = "K", default_value_t = 0)]
+    pub seed: u64,
+    /// Instruction set: auto, avx512, avx2 or baseline
+    #[arg(long, value_name = "ISA", default_value = "auto")]
+    pub isa: String,
+    /// Write JSON to a file, or to standard output for -
+    #[arg(long, value_name = "FILE|-")]
+    pub json: Option<PathBuf>,
+}
+
+/// Arguments of `demo`.
+#[derive(Debug, Args)]
+pub struct DemoArgs {
+    /// Folder of the figure and the points
+    #[arg(long, value_name = "DIR", default_value = "cfpose-demo")]
+    pub out: PathBuf,
+    /// What is simulated
+    #[arg(long, value_name = "NAME", default_value = "planar-curve[curve=heart,b_i=0.1,b_p=0.01]")]
+    pub scenario: String,
+    /// Seed of the simulation
+    #[arg(long, value_name = "K", default_value_t = 1)]
+    pub seed: u64,
+    /// Write JSON to a file, or to standard output for -
+    #[arg(long, value_name = "FILE|-")]
+    pub json: Option<PathBuf>,
+}
+
+/// Arguments of `run`.
+#[derive(Debug, Args)]
+pub struct RunArgs {
+    /// Experiment file
+    #[arg(value_name = "EXPERIMENT.toml")]
+    pub experiment: PathBuf,
+    /// Folder of the results, out/EXPERIMENT when not given
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
+    /// Trials of every cell instead of the file's
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    pub trials: Option<u32>,
+    /// Compute part I of N, I from 0; auto takes both from the job array's environment
+    #[arg(long, value_name = "I/N|auto")]
+    pub shard: Option<String>,
+    /// Keep the records that are there and compute the missing ones
+    #[arg(long)]
+    pub resume: bool,
+    /// Threads over trials, all processors when not given; the result does not depend on it
+    #[arg(long, value_name = "T", value_parser = clap::value_parser!(u16).range(1..))]
+    pub threads: Option<u16>,
+    /// Instruction set: auto, avx512, avx2 or baseline; the same for all shards
+    #[arg(long, value_name = "ISA", default_value = "auto")]
+    pub isa: String,
+    /// Print what would be computed and stop
+    #[arg(long)]
+    pub dry: bool,
+    /// Write JSON to a file, or to standard output for -
+    #[arg(long, value_name = "FILE|-")]
+    pub json: Option<PathBuf>,
+}
+
+/// Arguments of `status`, `merge` and `report`.
+#[derive(Debug, Args)]
+pub struct FolderArgs {
+    /// Folder that `run` wrote, or a folder of such folders
+    #[arg(value_name = "DIR")]
+    pub folder: PathBuf,
+    /// Write JSON to a file, or to standard output for -
+    #[arg(long, value_name = "FILE|-")]
+    pub json: Option<PathBuf>,
+}
+
+/// Arguments of `docs`.
+#[derive(Debug, Args)]
+pub struct DocsArgs {
+    /// Write nothing; fail where a file differs from the tables
+    #[arg(long)]
+    pub check: bool,
+    /// Folder of the project
+    #[arg(long, value_name = "DIR", default_value = ".")]
+    pub root: PathBuf,
+}
+
+/// Arguments of `pose`.
+#[derive(Debug, Args)]
+pub struct PoseArgs {
+    /// What to do.
+    #[command(subcommand)]
+    pub command: PoseCommand,
+}
+
+/// The commands of `pose`.
+#[derive(Debug, Subcommand)]
+pub enum PoseCommand {
+    /// Convert poses (4x4, 3x4, TUM, KITTI, JSON) to standard output
+    Convert {
+        /// File of poses
+        file: PathBuf,
+        /// Form to write
+        #[arg(long)]
+        to: PoseTarget,
+    },
+}
+
+/// Forms of pose files.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum PoseTarget {
+    /// 4x4 matrices
+    Matrix,
+    /// time tx ty tz qx qy qz qw
+    Tum,
+    /// 3x4 row by row
+    Kitti,
+    /// JSON with the convention
+    Json,
+}
+
+/// The tables of `list`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+#[allow(missing_docs)]
+pub enum ListKind {
+    Models,
+    Families,
+    Solvers,
+    Normalisers,
+    Weightings,
+    Starts,
+    Scenarios,
+    Presets,
+    Formats,
+}
+
+/// Whose axes the names of free parameters mean.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum FrameName {
+    /// x right, y down, z forward
+    Camera,
+    /// x forward, y left, z up
+    Robot,
+}
+
+/// Whether affine starts of negative determinant are proposed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum Reflections {
+    /// They are.
+    Allow,
+    /// They are not.
+    Forbid,
+}
+
+/// How two point sets sample their shape.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum Sampling {
+    /// To be found out.
+    Auto,
+    /// The same points.
+    Same,
+    /// One set is a sub-set of the other.
+    Thinned,
+    /// Two samples of one shape.
+    Independent,
+}
+
+/// How rotations stand in lists of numbers.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum Rotation {
+    /// Rotation vector, radians
+    Vector,
+    /// Angles about x, y, z with R = Rz Ry Rx, radians
+    Euler,
+    /// w x y z
+    Quaternion,
+}
+
+impl Rotation {
+    /// Return the library's form.
+    pub fn form(self) -> RotationForm {
+        match self {
+            Rotation::Vector => RotationForm::Vector,
+            Rotation::Euler => RotationForm::Euler,
+            Rotation::Quaternion => RotationForm::Quaternion,
+        }
+    }
+}
+
+/// Return the name of a value as it stands on the command line.
+pub fn name_of<V: ValueEnum>(value: V) -> String {
+    value.to_possible_value().map(|possible| possible.get_name().to_string()).unwrap_or_default()
+}

@@ -1,0 +1,240 @@
+//! `cfpose check`: what every registered entry must hold, and how well conditioned and fast the pairs are.
+
+use std::time::{Duration, Instant};
+
+use cfpose::check::{Sample, derivatives};
+use cfpose::coverage::coverage;
+use cfpose::entry::{NamedEntry, find, parse_spec, suggest};
+use cfpose::problem::MomentProblem;
+use cfpose::{BuildContext, Execution, Points, Registry};
+use cfpose_optim::LeastSquares;
+use cfpose_optim::linear::svd;
+use serde::Serialize;
+
+use super::conformance::{self, SolverLine};
+use crate::args::CheckArgs;
+use crate::failure::Failure;
+use crate::inputs;
+use crate::output::{self, number};
+
+/// Largest relative deviation of the Jacobian from finite differences.
+const FINITE_DIFFERENCE: f64 = 1e-6;
+/// Largest relative deviation from one long derivative and between instruction sets.
+const EXACT: f64 = 1e-12;
+/// Random points of a check.
+const NUM_POINTS: usize = 500;
+/// Distance of the checked theta from the model's typical one.
+const SPREAD: f64 = 0.4;
+/// Time spent on measuring the speed of one pair.
+const MEASURE: Duration = Duration::from_millis(10);
+
+/// One checked pair of model and family, or one reason to skip it.
+#[derive(Debug, Serialize)]
+struct Line {
+    model: String,
+    family: String,
+    passed: Option<bool>,
+    num_points: Option<usize>,
+    num_features: Option<usize>,
+    finite_difference: Option<f64>,
+    oracle: Option<f64>,
+    instruction_sets: Option<f64>,
+    condition: Option<f64>,
+    nanoseconds_per_point: Option<f64>,
+    skipped: Option<String>,
+}
+
+/// Everything that was checked.
+#[derive(Debug, Serialize)]
+struct Report {
+    pairs: Vec<Line>,
+    solvers: Vec<SolverLine>,
+    /// Directions of a rigid motion of the data that a family does not see, in words.
+    coverage: Vec<String>,
+}
+
+/// The entries that a name selects.
+#[derive(Default)]
+struct Chosen {
+    models: Vec<String>,
+    families: Vec<String>,
+    solvers: Vec<String>,
+}
+
+/// Run the command.
+///
+/// # Errors
+/// [`Failure`]; a check that does not pass is a run without a usable result.
+pub fn run(args: &CheckArgs) -> Result<(), Failure> {
+    let registry = Registry::default();
+    let chosen = chosen(args.name.as_deref(), &registry)?;
+    let execution = Execution { isa: inputs::isa(&args.isa)?, pool: None };
+    let points = args.on.as_deref().map(inputs::read).transpose()?;
+    let mut report = Report { pairs: Vec::new(), solvers: Vec::new(), coverage: Vec::new() };
+    for model in &chosen.models {
+        let sample = match &points {
+            Some(points) => Sample::on(&registry, model, points, SPREAD, args.seed),
+            None => Sample::draw(&registry, model, NUM_POINTS, SPREAD, args.seed),
+        };
+        for family in &chosen.families {
+            report.pairs.push(match &sample {
+                Ok(sample) => check(&registry, model, family, sample, &execution)?,
+                Err(error) => Line::skipped(model, family, error.to_string()),
+            });
+        }
+    }
+    if let (Some(points), Some(_)) = (&points, &args.name) {
+        report.coverage = coverages(&registry, &chosen.families, points)?;
+    }
+    for solver in &chosen.solvers {
+        report.solvers.push(SolverLine::check(&registry, solver)?);
+    }
+    let json = args.json.as_deref();
+    if !report.pairs.is_empty() {
+        output::show(&table(&report.pairs), json)?;
+    }
+    for text in &report.coverage {
+        output::show(text, json)?;
+    }
+    if !report.solvers.is_empty() {
+        output::show(&conformance::table(&report.solvers), json)?;
+    }
+    output::write_json(&report, json)?;
+    report.verdict()
+}
+
+/// Say for each family which directions of a rigid motion of the data it does not see, and why; one family only.
+fn coverages(registry: &Registry, families: &[String], points: &Points) -> Result<Vec<String>, Failure> {
+    let model = match points.dim() {
+        1 => "gain1",
+        2 => "rigid2",
+        _ => "rigid3",
+    };
+    let [family] = families else { return Ok(Vec::new()) };
+    let report = coverage(registry, family, model, points).map_err(|error| Failure::input(format!("--on: {error}")))?;
+    Ok(vec![report.to_string()])
+}
+
+impl Report {
+    fn verdict(&self) -> Result<(), Failure> {
+        let pairs = self.pairs.iter().filter_map(|line| line.passed);
+        let all: Vec<bool> = pairs.chain(self.solvers.iter().map(SolverLine::passed)).collect();
+        match all.iter().filter(|passed| !**passed).count() {
+            0 if all.is_empty() => Err(Failure::unusable("nothing could be checked; see the reasons in the table")),
+            0 => Ok(()),
+            failed => Err(Failure::unusable(format!("{failed} of {} checks failed", all.len()))),
+        }
+    }
+}
+
+/// Return the entries that a name selects; a model is checked with all families and a family with all models.
+fn chosen(name: Option<&str>, registry: &Registry) -> Result<Chosen, Failure> {
+    let names = |names: Vec<&'static str>| -> Vec<String> { names.into_iter().map(str::to_string).collect() };
+    let models = names(registry.models.iter().map(|entry| entry.name()).collect());
+    let families = names(registry.families.iter().map(|entry| entry.name()).collect());
+    let solvers = names(registry.solvers.iter().map(|entry| entry.name()).collect());
+    let Some(text) = name else { return Ok(Chosen { models, families, solvers }) };
+    let (name, _) = parse_spec(text)?;
+    let one = vec![text.to_string()];
+    if models.contains(&name) {
+        registry.model(text, &BuildContext::default())?;
+        return Ok(Chosen { models: one, families, ..Chosen::default() });
+    }
+    if families.contains(&name) {
+        find("family", &registry.families, text)?;
+        return Ok(Chosen { models, families: one, ..Chosen::default() });
+    }
+    if solvers.contains(&name) {
+        return Ok(Chosen { solvers: one, ..Chosen::default() });
+    }
+    let near = suggest(&name, models.iter().chain(&families).chain(&solvers).map(String::as_str));
+    let hint = if near.is_empty() { String::new() } else { format!("; did you mean {}?", near.join(" or ")) };
+    Err(Failure::usage(format!("`{name}` is no model, family or solver{hint}; `cfpose list models` shows all models")))
+}
+
+impl Line {
+    fn skipped(model: &str, family: &str, reason: String) -> Self {
+        Self {
+            model: model.to_string(),
+            family: family.to_string(),
+            passed: None,
+            num_points: None,
+            num_features: None,
+            finite_difference: None,
+            oracle: None,
+            instruction_sets: None,
+            condition: None,
+            nanoseconds_per_point: None,
+            skipped: Some(reason),
+        }
+    }
+}
+
+/// Check one pair.
+fn check(
+    registry: &Registry,
+    model: &str,
+    family: &str,
+    sample: &Sample,
+    execution: &Execution,
+) -> Result<Line, Failure> {
+    let Some(problem) = sample.problem(registry, family, execution)? else {
+        return Ok(Line::skipped(model, family, "too few features, or none in this dimension".to_string()));
+    };
+    let report = derivatives(&problem, &sample.theta);
+    let passed = report.finite_difference < FINITE_DIFFERENCE && report.oracle < EXACT && report.lanes < EXACT;
+    let evaluation = problem.evaluate(&sample.theta);
+    let singular = svd(evaluation.residual.len(), problem.manifold().tangent(), &evaluation.jacobian);
+    let condition = singular.and_then(|s| Some(s.values.first()? / s.values.last()?));
+    Ok(Line {
+        passed: Some(passed),
+        num_points: Some(sample.source.len()),
+        num_features: Some(problem.num_features()),
+        finite_difference: Some(report.finite_difference),
+        oracle: Some(report.oracle),
+        instruction_sets: Some(report.lanes),
+        condition,
+        nanoseconds_per_point: Some(speed(&problem, &sample.theta, &sample.source, &sample.target)),
+        skipped: None,
+        ..Line::skipped(model, family, String::new())
+    })
+}
+
+/// Measure residual and Jacobian: nanoseconds per point of the sides that are summed in each evaluation.
+fn speed(problem: &MomentProblem, theta: &[f64], source: &Points, target: &Points) -> f64 {
+    let moving = problem.model().target.is_moving();
+    let num_points = source.len() + if moving { target.len() } else { 0 };
+    let begun = Instant::now();
+    let mut runs = 0_u32;
+    while runs == 0 || begun.elapsed() < MEASURE {
+        std::hint::black_box(problem.evaluate(std::hint::black_box(theta)));
+        runs += 1;
+    }
+    begun.elapsed().as_secs_f64() * 1e9 / f64::from(runs) / num_points as f64
+}
+
+fn table(lines: &[Line]) -> String {
+    let header = ["model", "family", "", "features", "finite diff.", "oracle", "lanes", "condition", "ns/point", ""];
+    let cell = |value: Option<f64>, show: fn(f64) -> String| value.map_or_else(|| "-".to_string(), show);
+    let row = |line: &Line| {
+        let verdict = match line.passed {
+            Some(true) => "ok".to_string(),
+            Some(false) => "FAILED".to_string(),
+            None => "skipped".to_string(),
+        };
+        let small: fn(f64) -> String = |value| format!("{value:.1e}");
+        vec![
+            line.model.clone(),
+            line.family.clone(),
+            verdict,
+            line.num_features.map_or_else(|| "-".to_string(), |count| count.to_string()),
+            cell(line.finite_difference, small),
+            cell(line.oracle, small),
+            cell(line.instruction_sets, small),
+            cell(line.condition, number),
+            cell(line.nanoseconds_per_point, |value| format!("{value:.1}")),
+            line.skipped.clone().unwrap_or_default(),
+        ]
+    };
+    output::table(&header, &lines.iter().map(row).collect::<Vec<_>>())
+}

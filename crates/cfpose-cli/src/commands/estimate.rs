@@ -1,0 +1,93 @@
+//! `cfpose estimate`: two point files to theta.
+
+use std::path::Path;
+use std::time::Instant;
+
+use cfpose::{Estimate, Points, PointsError, Pose, Supervision};
+use cfpose_vision::{Camera, PoseFormat, StampedPose, write_points};
+
+use crate::args::EstimateArgs;
+use crate::failure::Failure;
+use crate::inputs::{self, Loaded};
+use crate::output;
+use crate::progress::Watch;
+use crate::report::{PoseReport, Report};
+
+/// Source sets smaller than this get their correspondence reported without being asked.
+const SMALL: usize = 1000;
+
+/// Run the command.
+///
+/// # Errors
+/// [`Failure`]; a run without a usable result fails after its outputs are written.
+pub fn run(args: &EstimateArgs) -> Result<(), Failure> {
+    let begun = Instant::now();
+    let loaded = inputs::load(&args.problem)?;
+    check_outputs(args, &loaded)?;
+    let mut watch = Watch::new(args.verbose, loaded.prepared.starts.len());
+    let supervision = Supervision { observer: Some(&mut watch), ..Supervision::default() };
+    let estimate = loaded.prepared.solve(&loaded.registry, supervision)?;
+    drop(watch);
+    let correspondence = if args.correspondence || loaded.num_source < SMALL {
+        // A theta that maps points to infinity has no correspondence; its status says so already.
+        loaded.prepared.correspondence(&estimate.theta).ok()
+    } else {
+        None
+    };
+    let report = Report::new(&args.problem, &loaded, &estimate, correspondence, begun.elapsed().as_secs_f64());
+    let json = args.problem.json.as_deref();
+    output::show(&report.table(&loaded, &estimate), json)?;
+    output::write_json(&report, json)?;
+    write_outputs(args, &loaded, &estimate)?;
+    if estimate.usable() {
+        return Ok(());
+    }
+    let (status, message) = (estimate.outcome.status.name(), &estimate.outcome.message);
+    Err(Failure::unusable(format!("no usable result: {status}: {message}")))
+}
+
+/// Refuse outputs that the model does not have, before any work is done.
+fn check_outputs(args: &EstimateArgs, loaded: &Loaded) -> Result<(), Failure> {
+    let (model, name) = (&loaded.prepared.model, &args.problem.model);
+    if args.pose_out.is_some() && PoseReport::of(loaded, &model.identity, None).is_none() {
+        return Err(Failure::usage(format!("--pose-out: model `{name}` has no pose; use --json")));
+    }
+    if let Some(path) = &args.transformed_out {
+        if !inputs::maps_to_target(model) {
+            return Err(Failure::usage(format!(
+                "--transformed-out: model `{name}` moves both sides, its source has no image among the target points"
+            )));
+        }
+        let format =
+            cfpose_vision::format_of(path).map_err(|fault| Failure::usage(format!("--transformed-out: {fault}")))?;
+        if format.write.is_none() {
+            return Err(Failure::usage(format!("--transformed-out: {} files can only be read; use csv", format.name)));
+        }
+    }
+    Ok(())
+}
+
+fn write_outputs(args: &EstimateArgs, loaded: &Loaded, estimate: &Estimate) -> Result<(), Failure> {
+    if let Some(path) = &args.pose_out
+        && let Some(pose) = inputs::pose(loaded, &estimate.theta, args.problem.depth)
+    {
+        write_pose(path, pose)?;
+    }
+    if let Some(path) = &args.transformed_out {
+        let moved = transformed(loaded, &estimate.theta)
+            .map_err(|error| Failure::input(format!("{}: transformed source points: {error}", path.display())))?;
+        write_points(path, &moved)?;
+    }
+    Ok(())
+}
+
+fn write_pose(path: &Path, pose: Pose) -> Result<(), Failure> {
+    output::write_file(path, &PoseFormat::of_path(path).write(&[StampedPose { time: None, pose }]))
+}
+
+/// Return the source points at theta in the units of the target file: rays become image points or pixels where the target
+/// file holds these.
+fn transformed(loaded: &Loaded, theta: &[f64]) -> Result<Points, PointsError> {
+    let mapped = loaded.prepared.problem.mapped_source(theta)?;
+    if loaded.target_dim == 2 { loaded.camera.unwrap_or(Camera::IDENTITY).project(&mapped) } else { Ok(mapped) }
+}

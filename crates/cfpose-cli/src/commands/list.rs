@@ -1,0 +1,102 @@
+//! `cfpose list`: what can be chosen by name.
+
+use cfpose::Registry;
+use cfpose::entry::{NamedEntry, ParameterSpec};
+use serde::Serialize;
+
+use crate::args::{ListArgs, ListKind};
+use crate::failure::Failure;
+use crate::output;
+
+#[derive(Serialize)]
+struct Line {
+    name: &'static str,
+    summary: String,
+    parameters: Vec<Parameter>,
+    source: &'static str,
+}
+
+#[derive(Serialize)]
+struct Parameter {
+    name: &'static str,
+    default: &'static str,
+    meaning: &'static str,
+}
+
+/// Run the command.
+///
+/// # Errors
+/// [`Failure`] of the outputs only.
+pub fn run(args: &ListArgs) -> Result<(), Failure> {
+    let lines = lines(args.kind);
+    let json = args.json.as_deref();
+    if !output::is_standard(json) {
+        output::print(&table(&lines))?;
+    }
+    output::write_json(&lines, json)
+}
+
+fn lines(kind: ListKind) -> Vec<Line> {
+    let registry = Registry::default();
+    match kind {
+        ListKind::Models => of_table(&registry.models),
+        ListKind::Families => of_table(&registry.families),
+        ListKind::Solvers => of_table(&registry.solvers),
+        ListKind::Normalisers => of_table(&registry.normalisers),
+        ListKind::Weightings => of_table(&registry.weightings),
+        ListKind::Starts => of_table(&registry.starts),
+        ListKind::Scenarios => of_table(cfpose_lab::scenarios::ALL),
+        ListKind::Presets => presets(),
+        ListKind::Formats => formats(),
+    }
+}
+
+fn of_table<E: NamedEntry>(table: &[&'static E]) -> Vec<Line> {
+    let parameter = |spec: &ParameterSpec| Parameter { name: spec.name, default: spec.default, meaning: spec.meaning };
+    let line = |entry: &&'static E| Line {
+        name: entry.name(),
+        summary: entry.summary().to_string(),
+        parameters: entry.parameters().iter().map(parameter).collect(),
+        source: entry.source(),
+    };
+    table.iter().map(line).collect()
+}
+
+fn presets() -> Vec<Line> {
+    let describe = |name: &'static str| {
+        let summary = cfpose::Settings::preset(name, "").map_or_else(
+            |error| error.to_string(),
+            |s| {
+                format!(
+                    "features {}, weighting {}, solver {}, normaliser paper, one start",
+                    s.features, s.weighting, s.solver
+                )
+            },
+        );
+        Line { name, summary, parameters: Vec::new(), source: "section IV.A" }
+    };
+    cfpose::estimator::PRESETS.iter().map(|name| describe(name)).collect()
+}
+
+fn formats() -> Vec<Line> {
+    let line = |format: &cfpose_vision::Format| Line {
+        name: format.name,
+        summary: format!(".{}: {}", format.extensions.join(" ."), format.summary),
+        parameters: Vec::new(),
+        source: "-",
+    };
+    cfpose_vision::FORMATS.iter().map(line).collect()
+}
+
+/// Write a row for each entry and one for each of its parameters.
+fn table(lines: &[Line]) -> String {
+    let mut rows = Vec::new();
+    for line in lines {
+        rows.push(vec![line.name.to_string(), line.summary.clone(), line.source.to_string()]);
+        for parameter in &line.parameters {
+            let text = format!("{}={}: {}", parameter.name, parameter.default, parameter.meaning);
+            rows.push(vec![String::new(), format!("  {text}"), String::new()]);
+        }
+    }
+    output::table(&["name", "summary", "source"], &rows)
+}

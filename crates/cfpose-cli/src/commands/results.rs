@@ -1,0 +1,70 @@
+//! `cfpose status`, `merge` and `report`: what a run left in its folder.
+
+use cfpose_lab::{Lab, Merged};
+use serde_json::json;
+
+use crate::args::FolderArgs;
+use crate::failure::Failure;
+use crate::output;
+
+/// Count what is there of a run.
+///
+/// # Errors
+/// [`Failure`] of the folder.
+pub fn status(args: &FolderArgs) -> Result<(), Failure> {
+    let status = cfpose_lab::status(&Lab::default(), &args.folder)?;
+    let complete = status.records == status.expected;
+    let rows: Vec<Vec<String>> = status
+        .cells
+        .iter()
+        .map(|(label, found, expected)| vec![label.clone(), format!("{found} of {expected}")])
+        .collect();
+    let text = format!(
+        "{}\n{} of {} records, {} without a usable estimate, {} file(s), instruction set {}",
+        output::table(&["cell", "records"], &rows),
+        status.records,
+        status.expected,
+        status.unusable,
+        status.files.len(),
+        status.isa.as_deref().unwrap_or("-"),
+    );
+    let cell = |(label, found, expected): &(String, usize, usize)| json!({ "cell": label, "records": found, "expected": expected });
+    let value = json!({
+        "experiment": status.experiment,
+        "isa": status.isa,
+        "records": status.records,
+        "expected": status.expected,
+        "complete": complete,
+        "unusable": status.unusable,
+        "cells": status.cells.iter().map(cell).collect::<Vec<_>>(),
+        "files": status.files.iter().map(|(path, count)| json!({ "file": path, "records": count })).collect::<Vec<_>>(),
+    });
+    output::show(&text, args.json.as_deref())?;
+    output::write_json(&value, args.json.as_deref())
+}
+
+/// Turn records into tables.
+///
+/// # Errors
+/// [`Failure`] of the folder.
+pub fn merge(args: &FolderArgs) -> Result<(), Failure> {
+    let merged = cfpose_lab::merge(&Lab::default(), &args.folder)?;
+    output::show(&counted(args, &merged), args.json.as_deref())?;
+    output::write_json(&merged.rows, args.json.as_deref())
+}
+
+/// Turn records into tables and print them.
+///
+/// # Errors
+/// [`Failure`] of the folder.
+pub fn report(args: &FolderArgs) -> Result<(), Failure> {
+    let merged = cfpose_lab::merge(&Lab::default(), &args.folder)?;
+    let tables = cfpose_lab::merge::tables(&merged.experiment, &merged.rows);
+    output::show(&format!("{tables}\n{}", counted(args, &merged)), args.json.as_deref())?;
+    output::write_json(&merged.rows, args.json.as_deref())
+}
+
+fn counted(args: &FolderArgs, merged: &Merged) -> String {
+    let page = args.folder.join("report.html");
+    format!("{} of {} records in the tables; look at {}", merged.records, merged.expected, page.display())
+}

@@ -1,0 +1,241 @@
+//! From arguments and files to a prepared problem.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use cfpose::free::{Frame, columns, find_columns};
+use cfpose::homography::in_file_units;
+use cfpose::model::TargetSide;
+use cfpose::theta::{Layout, RotationForm};
+use cfpose::{BuildContext, BuildError, Execution, Isa, Model, Points, Pose, Prepared, Registry, Settings, Start};
+use cfpose_vision::{Camera, PointFile, ReadOptions, read_points};
+
+use crate::args::{FrameName, ProblemArgs, Reflections};
+use crate::failure::{Failure, Kind, is_wrong_name};
+use crate::{output, starts};
+
+/// A problem built from arguments and files.
+pub struct Loaded {
+    /// The tables names were looked up in.
+    pub registry: Registry,
+    /// The problem.
+    pub prepared: Prepared,
+    /// Instruction set.
+    pub isa: Isa,
+    /// Number of source points.
+    pub num_source: usize,
+    /// Number of target points.
+    pub num_target: usize,
+    /// Coordinates in the source file.
+    pub source_dim: usize,
+    /// Coordinates in the target file.
+    pub target_dim: usize,
+    /// Camera of 2-column files.
+    pub camera: Option<Camera>,
+    /// Names of the tangent directions that are free, in the order of the Jacobian's columns.
+    pub free: Vec<String>,
+    /// How rotations stand in lists of numbers.
+    pub form: RotationForm,
+}
+
+/// Read the files and build the problem.
+///
+/// # Errors
+/// Wrong names and numbers are usage, files and points are input; names are checked before files are read.
+pub fn load(args: &ProblemArgs) -> Result<Loaded, Failure> {
+    let registry = Registry::default();
+    let mut settings = settings(args, &registry)?;
+    let model = registry.model(&args.model, &BuildContext { seed: args.seed, ..BuildContext::default() })?;
+    let (form, camera) = (args.rotation.form(), camera(args.camera.as_deref())?);
+    check_depth(args, &model.layout)?;
+    let isa = isa(&args.isa)?;
+    let names: Vec<String> = columns(&model.layout).into_iter().map(|column| column.name).collect();
+    let free = free_columns(args, &model.layout)?;
+    settings.free = args.free.is_some().then(|| free.clone());
+    settings.start = starts::parse(&args.start, &settings.start, &model.layout, form, args.depth, &registry)?;
+    if let (Some(choice), Start::Named(name)) = (args.reflections, &settings.start) {
+        let allow = choice == Reflections::Allow;
+        settings.start = Start::Named(cfpose::start::with_reflections(&registry.starts, name, allow));
+    }
+    let source = read(&args.source)?;
+    let target = read(&args.target)?;
+    let (source_dim, target_dim) = (source.dim(), target.dim());
+    if camera.is_some() && source.dim() != 2 && target.dim() != 2 {
+        output::note("note: --camera has no effect, no file has 2 columns");
+    }
+    let (source, target) = (to_image(source, camera, &args.source)?, to_image(target, camera, &args.target)?);
+    let execution = execution(args.threads, isa, source.len().max(target.len()))?;
+    let prepared =
+        Prepared::new(&registry, &settings, &source, &target, &execution).map_err(|error| name_file(error, args))?;
+    Ok(Loaded {
+        registry,
+        prepared,
+        isa,
+        num_source: source.len(),
+        num_target: target.len(),
+        source_dim,
+        target_dim,
+        camera,
+        free: free.into_iter().map(|j| names[j].clone()).collect(),
+        form,
+    })
+}
+
+/// Resolve the preset, let flags win over it, and look up every name.
+fn settings(args: &ProblemArgs, registry: &Registry) -> Result<Settings, Failure> {
+    // Until a preset that chooses by itself exists, `auto` is the printed method.
+    let preset = if args.preset == "auto" { "paper" } else { &args.preset };
+    let mut settings = Settings::preset(preset, &args.model)?;
+    settings.features = args.features.clone().unwrap_or(settings.features);
+    settings.solver = args.solver.clone().unwrap_or(settings.solver);
+    settings.normaliser = args.normalise.clone().or(settings.normaliser);
+    settings.weighting = args.weighting.clone().unwrap_or(settings.weighting);
+    settings.seed = args.seed;
+    match registry.family(&settings.features, &BuildContext::default()) {
+        Err(error) if is_wrong_name(&error) => return Err(error.into()),
+        _ => {} // what depends on data is built with them
+    }
+    registry.solver(&settings.solver)?;
+    registry.weighting(&settings.weighting)?;
+    if let Some(normaliser) = &settings.normaliser {
+        registry.normaliser(normaliser)?;
+    }
+    Ok(settings)
+}
+
+/// Read a point file that an estimate can use.
+///
+/// # Errors
+/// As [`read_points`].
+pub fn read(path: &Path) -> Result<Points, Failure> {
+    let PointFile { points, .. } = read_points(path, &ReadOptions::default())?;
+    Ok(points)
+}
+
+fn to_image(points: Points, camera: Option<Camera>, path: &Path) -> Result<Points, Failure> {
+    match camera {
+        Some(camera) if points.dim() == 2 => {
+            camera.normalise(&points).map_err(|error| Failure::input(format!("{}: {error}", path.display())))
+        }
+        _ => Ok(points),
+    }
+}
+
+/// Put the name of the file before an error about its points.
+fn name_file(error: cfpose::Error, args: &ProblemArgs) -> Failure {
+    let path = match &error {
+        cfpose::Error::Points { side: "source", .. } | cfpose::Error::PointDimension { side: "source", .. } => {
+            Some(&args.source)
+        }
+        cfpose::Error::Points { .. } | cfpose::Error::PointDimension { .. } | cfpose::Error::Normalise { .. } => {
+            Some(&args.target)
+        }
+        _ => None,
+    };
+    match path {
+        Some(path) => Failure { kind: Kind::Input, error: anyhow::anyhow!("{}: {error}", path.display()) },
+        None => error.into(),
+    }
+}
+
+/// Split a text at commas, semicolons and blanks and read every part as a number; `None` when one is none.
+pub fn numbers(text: &str) -> Option<Vec<f64>> {
+    let parts = text.split(|c: char| c == ',' || c == ';' || c.is_whitespace()).filter(|part| !part.is_empty());
+    let list: Result<Vec<f64>, _> = parts.map(str::parse).collect();
+    list.ok().filter(|list| !list.is_empty())
+}
+
+fn camera(text: Option<&str>) -> Result<Option<Camera>, Failure> {
+    let Some(text) = text else { return Ok(None) };
+    let camera = match numbers(text).as_deref() {
+        Some([fx, fy, cx, cy]) => Camera::new(*fx, *fy, *cx, *cy),
+        _ => None,
+    };
+    let complain =
+        || Failure::usage(format!("--camera is `{text}`; give fx,fy,cx,cy in pixels, focal lengths above 0"));
+    camera.map(Some).ok_or_else(complain)
+}
+
+/// Say whether translations are counted in depths of a plane or in distances to it.
+pub fn has_depth(layout: &Layout) -> bool {
+    layout.blocks().iter().any(|block| ["depths", "plane distances"].contains(&block.unit))
+}
+
+fn check_depth(args: &ProblemArgs, layout: &Layout) -> Result<(), Failure> {
+    match args.depth {
+        Some(depth) if !(depth.is_finite() && depth > 0.0) => {
+            Err(Failure::usage(format!("--depth is {depth}; the depth of the plane is a number above 0")))
+        }
+        Some(_) if !has_depth(layout) => Err(Failure::usage(format!(
+            "--depth does not apply to model `{}`, whose translation is in the units of the files; leave it out",
+            args.model
+        ))),
+        _ => Ok(()),
+    }
+}
+
+/// Find an instruction set of this machine.
+///
+/// # Errors
+/// Usage, with the names that are available.
+pub fn isa(name: &str) -> Result<Isa, Failure> {
+    Isa::by_name(name).ok_or_else(|| {
+        let names: Vec<&str> = Isa::available().into_iter().map(Isa::name).collect();
+        Failure::usage(format!("instruction set `{name}` is not available here; use auto, {}", names.join(", ")))
+    })
+}
+
+/// Return the number of threads, all processors when none is given.
+pub fn num_threads(given: Option<u16>) -> usize {
+    given.map_or_else(|| std::thread::available_parallelism().map_or(1, usize::from), usize::from)
+}
+
+/// Choose where sums are computed; small sets stay on the calling thread.
+///
+/// # Errors
+/// Usage, when the operating system does not give that many threads.
+pub fn execution(threads: Option<u16>, isa: Isa, num_points: usize) -> Result<Execution, Failure> {
+    let wanted = num_threads(threads);
+    if wanted < 2 || num_points <= cfpose::means::CHUNK {
+        return Ok(Execution { isa, pool: None });
+    }
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(wanted).build();
+    let pool = pool.map_err(|error| Failure::usage(format!("--threads {wanted}: {error}; ask for fewer")))?;
+    Ok(Execution { isa, pool: Some(Arc::new(pool)) })
+}
+
+/// Return the tangent columns of `--free`, ascending; all when none are given.
+fn free_columns(args: &ProblemArgs, layout: &Layout) -> Result<Vec<usize>, Failure> {
+    let Some(given) = &args.free else { return Ok((0..columns(layout).len()).collect()) };
+    let frame = match args.frame {
+        FrameName::Camera => Frame::Camera,
+        FrameName::Robot => Frame::Robot,
+    };
+    let names: Vec<&str> = given.iter().map(|name| name.trim()).collect();
+    find_columns(layout, &names, frame).map_err(|error| match error {
+        BuildError::Data { problem, .. } => Failure::usage(format!("--free: {problem}")),
+        other => Failure::usage(format!("--free: {other}")),
+    })
+}
+
+/// Return the homography of a theta in the units of the files, last entry 1; `None` where the model has none.
+pub fn homography(loaded: &Loaded, theta: &[f64]) -> Option<[[f64; 3]; 3]> {
+    let matrix = (loaded.prepared.model.homography?)(theta);
+    let of_file = |dim: usize| loaded.camera.filter(|_| dim == 2).map(|camera| camera.intrinsics());
+    let (source, target) = (of_file(loaded.source_dim), of_file(loaded.target_dim));
+    let h = in_file_units(&matrix, source.as_ref(), target.as_ref())?;
+    Some([0, 1, 2].map(|i| [h[3 * i], h[3 * i + 1], h[3 * i + 2]]))
+}
+
+/// Say whether the model maps source points to where the target points are.
+pub fn maps_to_target(model: &Model) -> bool {
+    matches!(model.target, TargetSide::Fixed(_))
+}
+
+/// Return the pose of a theta, its translation in the unit of `depth` where the model counts in depths; `None` where the
+/// model has no pose.
+pub fn pose(loaded: &Loaded, theta: &[f64], depth: Option<f64>) -> Option<Pose> {
+    let pose = Pose::of_theta(&loaded.prepared.model.layout, theta)?;
+    let scale = depth.unwrap_or(1.0);
+    Some(Pose { translation: pose.translation.map(|value| value * scale), ..pose })
+}

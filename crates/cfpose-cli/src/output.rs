@@ -1,0 +1,88 @@
+//! Where results go: standard output, standard error, files; tables.
+
+use std::io::Write;
+use std::path::Path;
+
+use comfy_table::{Table, presets};
+use serde::Serialize;
+
+use crate::failure::Failure;
+
+/// Write text and a line end to standard output.
+///
+/// # Errors
+/// What the operating system says; a closed pipe ends the program quietly.
+pub fn print(text: &str) -> Result<(), Failure> {
+    let mut out = std::io::stdout().lock();
+    out.write_all(text.as_bytes())?;
+    out.write_all(b"\n")?;
+    Ok(out.flush()?)
+}
+
+/// Write a line to standard error; nobody may be listening.
+pub fn note(text: &str) {
+    let _ = writeln!(std::io::stderr().lock(), "{text}");
+}
+
+/// Say whether JSON goes to standard output, which then carries nothing else.
+pub fn is_standard(json: Option<&Path>) -> bool {
+    json.is_some_and(|path| path == Path::new("-"))
+}
+
+/// Write a table: to standard output, or to standard error when that carries JSON.
+///
+/// # Errors
+/// As [`print()`].
+pub fn show(text: &str, json: Option<&Path>) -> Result<(), Failure> {
+    if is_standard(json) {
+        note(text);
+        return Ok(());
+    }
+    print(text)
+}
+
+/// Write a value as one line of JSON to a file or to standard output; numbers that are not finite become null.
+///
+/// # Errors
+/// What the operating system says, with the file's name.
+pub fn write_json(value: &impl Serialize, json: Option<&Path>) -> Result<(), Failure> {
+    let Some(path) = json else { return Ok(()) };
+    let text = serde_json::to_string(value).map_err(Failure::input)?;
+    if is_standard(json) { print(&text) } else { write_file(path, &(text + "\n")) }
+}
+
+/// Write a text file.
+///
+/// # Errors
+/// What the operating system says, with the file's name.
+pub fn write_file(path: &Path, text: &str) -> Result<(), Failure> {
+    std::fs::write(path, text).map_err(|error| Failure::input(format!("{}: {error}", path.display())))
+}
+
+/// Make a table of plain text, columns apart by blanks.
+pub fn table(header: &[&str], rows: &[Vec<String>]) -> String {
+    let mut table = Table::new();
+    table.load_style(presets::NOTHING);
+    if !header.is_empty() {
+        table.set_header(header.iter().map(|name| (*name).to_string()));
+    }
+    for row in rows {
+        table.add_row(row.clone());
+    }
+    let lines: Vec<String> =
+        table.lines().map(|line| line.strip_prefix(" ").unwrap_or(&line).trim_end().to_string()).collect();
+    lines.join("\n")
+}
+
+/// Write a number for people: 6 significant digits.
+pub fn number(value: f64) -> String {
+    let size = value.abs();
+    if value == 0.0 {
+        "0".to_string()
+    } else if (1e-3..1e5).contains(&size) {
+        let digits = 5 - size.log10().floor() as i32;
+        format!("{value:.*}", digits.max(0) as usize)
+    } else {
+        format!("{value:.4e}")
+    }
+}

@@ -1,0 +1,169 @@
+//! The result of `estimate`: the JSON object of the contract and the table for people.
+
+use cfpose::theta::RotationForm;
+use cfpose::{Estimate, Pose};
+use serde::Serialize;
+
+use crate::args::{ProblemArgs, name_of};
+use crate::inputs::{self, Loaded};
+use crate::output::{number, table};
+
+/// The JSON object; every field is always there, null where there is nothing to say.
+#[derive(Debug, Serialize)]
+pub struct Report {
+    schema: &'static str,
+    model: String,
+    features: String,
+    solver: String,
+    normalise: String,
+    weighting: String,
+    preset: String,
+    sampling: String,
+    seed: u64,
+    isa: &'static str,
+    num_source: usize,
+    num_target: usize,
+    theta: Vec<f64>,
+    free: Vec<String>,
+    pose: Option<PoseReport>,
+    homography: Option<[[f64; 3]; 3]>,
+    correspondence: Option<Vec<usize>>,
+    cost: f64,
+    status: &'static str,
+    usable: bool,
+    iterations: usize,
+    evaluations: usize,
+    starts: usize,
+    seconds: f64,
+    covariance: Option<Vec<Vec<f64>>>,
+    j_statistic: Option<f64>,
+    degrees_of_freedom: Option<usize>,
+    p_value: Option<f64>,
+    noise_sigma: Option<f64>,
+    verdict: Option<&'static str>,
+    message: String,
+    alternatives: Vec<AlternativeReport>,
+    warnings: Vec<String>,
+    condition: f64,
+}
+
+/// A pose with its convention.
+#[derive(Debug, Serialize)]
+pub struct PoseReport {
+    convention: &'static str,
+    rotation: [[f64; 3]; 3],
+    translation: [f64; 3],
+    matrix: [[f64; 4]; 4],
+}
+
+/// Another theta.
+#[derive(Debug, Serialize)]
+struct AlternativeReport {
+    theta: Vec<f64>,
+    pose: Option<PoseReport>,
+    cost: f64,
+    verdict: Option<&'static str>,
+}
+
+impl PoseReport {
+    /// Describe the pose of a theta, where its model has one.
+    pub fn of(loaded: &Loaded, theta: &[f64], depth: Option<f64>) -> Option<Self> {
+        let pose: Pose = inputs::pose(loaded, theta, depth)?;
+        let matrix = pose.matrix();
+        let rotation = [0, 1, 2].map(|i| [matrix[i][0], matrix[i][1], matrix[i][2]]);
+        Some(Self { convention: "target_from_source", rotation, translation: pose.translation, matrix })
+    }
+}
+
+impl Report {
+    /// Gather what the contract asks for; `correspondence` counts from 0.
+    pub fn new(
+        args: &ProblemArgs,
+        loaded: &Loaded,
+        estimate: &Estimate,
+        correspondence: Option<Vec<usize>>,
+        seconds: f64,
+    ) -> Self {
+        let settings = loaded.prepared.settings();
+        let list = |theta: &[f64]| loaded.prepared.model.layout.to_list(theta, loaded.form);
+        let alternatives = estimate.alternatives.iter().map(|other| AlternativeReport {
+            theta: list(&other.theta),
+            pose: PoseReport::of(loaded, &other.theta, args.depth),
+            cost: other.cost,
+            verdict: other.verdict.map(cfpose::Verdict::name),
+        });
+        Self {
+            schema: "cfpose.estimate/1",
+            model: settings.model.clone(),
+            features: settings.features.clone(),
+            solver: settings.solver.clone(),
+            normalise: loaded.prepared.normaliser.clone(),
+            weighting: settings.weighting.clone(),
+            preset: settings.preset.clone(),
+            sampling: name_of(args.sampling),
+            seed: settings.seed,
+            isa: loaded.isa.name(),
+            num_source: loaded.num_source,
+            num_target: loaded.num_target,
+            theta: list(&estimate.theta),
+            free: loaded.free.clone(),
+            pose: PoseReport::of(loaded, &estimate.theta, args.depth),
+            homography: inputs::homography(loaded, &estimate.theta),
+            correspondence: correspondence.map(|list| list.into_iter().map(|index| index + 1).collect()),
+            cost: estimate.outcome.cost,
+            status: estimate.outcome.status.name(),
+            usable: estimate.usable(),
+            iterations: estimate.iterations,
+            evaluations: estimate.evaluations,
+            starts: estimate.starts,
+            seconds,
+            covariance: None,
+            j_statistic: None,
+            degrees_of_freedom: None,
+            p_value: None,
+            noise_sigma: None,
+            verdict: estimate.verdict.map(cfpose::Verdict::name),
+            message: estimate.outcome.message.clone(),
+            alternatives: alternatives.collect(),
+            warnings: estimate.warnings.clone(),
+            condition: estimate.conditioning.condition,
+        }
+    }
+
+    /// Write the table for people.
+    pub fn table(&self, loaded: &Loaded, estimate: &Estimate) -> String {
+        let layout = &loaded.prepared.model.layout;
+        let mut rows = vec![
+            vec!["model".into(), self.model.clone()],
+            vec![
+                "method".into(),
+                format!("{}, {}, {}, {}", self.features, self.normalise, self.weighting, self.solver),
+            ],
+            vec!["points".into(), format!("{} source, {} target", self.num_source, self.num_target)],
+        ];
+        let list = layout.to_list(&estimate.theta, loaded.form);
+        let mut rest = list.as_slice();
+        for block in layout.blocks() {
+            let rotation = matches!(block.kind, cfpose::theta::BlockKind::Rotation);
+            let (part, tail) = rest.split_at(block.kind.list_len(loaded.form));
+            rest = tail;
+            let unit = if rotation && loaded.form == RotationForm::Quaternion { "w x y z" } else { block.unit };
+            let numbers: Vec<String> = part.iter().map(|value| number(*value)).collect();
+            let unit = if unit == "1" { String::new() } else { format!(" ({unit})") };
+            rows.push(vec![block.name.into(), numbers.join(" ") + &unit]);
+        }
+        let work = format!(
+            "{} start(s), {} iterations, {} evaluations, {:.3} s",
+            self.starts, self.iterations, self.evaluations, self.seconds
+        );
+        rows.push(vec!["cost".into(), number(self.cost)]);
+        rows.push(vec!["status".into(), format!("{} ({})", self.status, self.message)]);
+        rows.push(vec!["work".into(), work]);
+        if !self.alternatives.is_empty() {
+            let costs: Vec<String> = self.alternatives.iter().map(|other| number(other.cost)).collect();
+            rows.push(vec!["other costs".into(), costs.join(" ")]);
+        }
+        rows.extend(self.warnings.iter().map(|warning| vec!["warning".into(), warning.clone()]));
+        table(&[], &rows)
+    }
+}

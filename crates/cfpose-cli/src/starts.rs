@@ -1,0 +1,95 @@
+//! What `--start` and `--at` may hold: a strategy, numbers, or a file of either thetas or poses.
+
+use std::path::Path;
+
+use cfpose::entry::{NamedEntry, find, parse_spec, suggest};
+use cfpose::theta::{Layout, RotationForm};
+use cfpose::{Registry, Start};
+
+use crate::failure::Failure;
+use crate::inputs::numbers;
+
+/// Read `--start`.
+///
+/// # Errors
+/// Usage for what is neither a strategy nor numbers nor a file, and for numbers that are no theta; input for a file that
+/// holds none.
+pub fn parse(
+    text: &str,
+    default: &Start,
+    layout: &Layout,
+    form: RotationForm,
+    depth: Option<f64>,
+    registry: &Registry,
+) -> Result<Start, Failure> {
+    let text = text.trim();
+    if text == "auto" {
+        return Ok(default.clone());
+    }
+    if let Some(list) = numbers(text) {
+        return Ok(Start::Given(vec![theta(&list, "--start", layout, form)?]));
+    }
+    let name = parse_spec(text).map(|(name, _)| name).unwrap_or_default();
+    if registry.starts.iter().any(|entry| entry.name() == name) {
+        find("start", &registry.starts, text)?;
+        registry.start(text)?;
+        return Ok(Start::Named(text.to_string()));
+    }
+    let path = Path::new(text);
+    // A word without dot or slash that names no file is a mistyped strategy, not a missing file.
+    if path.exists() || text.contains(['.', '/']) {
+        return Ok(Start::Given(from_file(path, layout, form, depth)?));
+    }
+    let known = registry.starts.iter().map(|entry| entry.name()).chain(["auto"]);
+    let near = suggest(text, known);
+    let hint = if near.is_empty() { String::new() } else { format!("; did you mean {}?", near.join(" or ")) };
+    Err(Failure::usage(format!(
+        "--start `{text}` is no strategy (`cfpose list starts`), no list of numbers and no file{hint}"
+    )))
+}
+
+/// Read the numbers of one theta.
+///
+/// # Errors
+/// Usage, for what is no list of numbers or no theta of this layout.
+pub fn theta(list: &[f64], flag: &str, layout: &Layout, form: RotationForm) -> Result<Vec<f64>, Failure> {
+    layout.from_list(list, form).map_err(|error| Failure::usage(format!("{flag}: {error}")))
+}
+
+/// Read thetas from a file: a result of `estimate`, poses in any form of `pose convert`, one theta a line, or one theta.
+fn from_file(path: &Path, layout: &Layout, form: RotationForm, depth: Option<f64>) -> Result<Vec<Vec<f64>>, Failure> {
+    let text = std::fs::read_to_string(path).map_err(|error| match error.kind() {
+        std::io::ErrorKind::NotFound => fail(path, &"there is no such file; check the name and the folder"),
+        _ => fail(path, &error),
+    })?;
+    if let Ok(value) = serde_json::from_str::<serde_json::Value>(&text)
+        && let Some(theta) = value.get("theta")
+    {
+        let list: Vec<f64> =
+            serde_json::from_value(theta.clone()).map_err(|_| fail(path, &"\"theta\" is no list of numbers"))?;
+        return Ok(vec![layout.from_list(&list, form).map_err(|error| fail(path, &error))?]);
+    }
+    let expected = layout.list_len(form);
+    let content = |line: &str| line.split('#').next().unwrap_or("").trim().to_string();
+    let lines: Vec<String> = text.lines().map(content).filter(|line| !line.is_empty()).collect();
+    let rows: Option<Vec<Vec<f64>>> = lines.iter().map(|line| numbers(line)).collect();
+    if let Some(rows) = rows {
+        if !rows.is_empty() && rows.iter().all(|row| row.len() == expected) {
+            return rows.iter().map(|row| layout.from_list(row, form).map_err(|error| fail(path, &error))).collect();
+        }
+        let all: Vec<f64> = rows.concat();
+        let is_pose = lines.len() > 2 || [8, 12, 16].contains(&all.len());
+        if all.len() == expected || !is_pose || layout.range("rotation").is_none() {
+            return Ok(vec![layout.from_list(&all, form).map_err(|error| fail(path, &error))?]);
+        }
+    }
+    let poses = cfpose_vision::read_poses(path)?;
+    let scale = depth.map_or(1.0, f64::recip);
+    let theta = |pose: &cfpose_vision::StampedPose| pose.theta(layout, scale);
+    let thetas: Option<Vec<Vec<f64>>> = poses.iter().map(theta).collect();
+    thetas.ok_or_else(|| fail(path, &format!("a pose is no start of this model; give {}", layout.describe(form))))
+}
+
+fn fail(path: &Path, problem: &dyn std::fmt::Display) -> Failure {
+    Failure::input(format!("{}: {problem}", path.display()))
+}

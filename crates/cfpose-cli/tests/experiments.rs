@@ -1,0 +1,85 @@
+//! `run`, `status`, `merge`, `report` and `demo` from the command line.
+
+mod common;
+
+use common::Desk;
+use serde_json::json;
+
+const EXPERIMENT: &str = "seed = 3\ntrials = 2\n[[scenario]]\nname = \"planar-curve\"\ncurve = [\"heart\", \"fish\"]\nb_p = 0.01\n\
+                          [[method]]\nname = \"paper\"\npreset = \"paper\"\n\
+                          [[method]]\nname = \"hermite\"\nfeatures = \"hermite[degree=3]\"\n";
+
+fn desk() -> Desk {
+    let desk = Desk::new();
+    desk.write("e.toml", EXPERIMENT);
+    desk
+}
+
+#[test]
+fn shards_merge_into_what_one_run_writes() {
+    let desk = desk();
+    let whole = desk.json("run e.toml --out whole --threads 2");
+    assert_eq!((&whole["computed"], &whole["complete"]), (&json!(8), &json!(true)));
+    assert_eq!(whole["summary"].as_array().unwrap().len(), 4);
+
+    let first = desk.json("run e.toml --out parts --shard 0/2");
+    assert_eq!((&first["computed"], &first["complete"], &first["summary"]), (&json!(4), &json!(false), &json!(null)));
+    assert_eq!(desk.json("status parts")["records"], 4);
+    let last = desk.json("run e.toml --out parts --shard 1/2 --threads 1");
+    assert_eq!(last["complete"], true);
+    assert_eq!(desk.read("parts/results.csv"), desk.read("whole/results.csv"));
+
+    // Merging again changes nothing, and a folder that is full is not overwritten.
+    let before = desk.read("parts/results.csv");
+    let rows = desk.json("merge parts");
+    assert_eq!(rows, desk.json("report parts"));
+    assert_eq!(desk.read("parts/results.csv"), before);
+    let names: Vec<&str> = rows[0].as_object().unwrap().keys().map(String::as_str).take(12).collect();
+    let expected = "scenario parameters method trials successes success_rate wilson95 median_rotation_deg median_translation \
+                    median_error wrong_but_good median_seconds";
+    assert_eq!(names, expected.split_whitespace().collect::<Vec<_>>());
+    assert!(desk.fails(2, "run e.toml --out parts --shard 0/2").contains("already holds 4 record(s)"));
+    assert_eq!(desk.json("run e.toml --out parts --shard 0/2 --resume")["computed"], 0);
+    assert!(desk.read("parts/report.html").contains("planar-curve"));
+}
+
+#[test]
+fn a_dry_run_counts_and_writes_nothing() {
+    let desk = desk();
+    let plan = desk.json("run e.toml --dry --trials 5 --shard 1/3");
+    assert_eq!((&plan["records"], &plan["shard_records"]), (&json!(20), &json!(6)));
+    assert_eq!(plan["cells"].as_array().unwrap().len(), 2);
+    assert!(!desk.path("out").exists());
+}
+
+#[test]
+fn mistakes_in_experiments_are_named() {
+    let desk = desk();
+    let replace = |from: &str, to: &str| desk.write("bad.toml", EXPERIMENT.replace(from, to));
+    replace("planar-curve", "planar-curv");
+    assert!(desk.fails(2, "run bad.toml").contains("did you mean planar-curve?"));
+    replace("b_p", "bp");
+    assert!(desk.fails(2, "run bad.toml").contains("`bp`"));
+    replace("hermite[degree=3]", "hermit[degree=3]");
+    assert!(desk.fails(2, "run bad.toml").contains("did you mean hermite?"));
+    replace("seed = 3", "seed = ");
+    assert!(desk.fails(3, "run bad.toml").starts_with("error: bad.toml: line 1: "));
+    assert!(desk.fails(3, "run absent.toml").starts_with("error: absent.toml: "));
+    assert!(desk.fails(2, "run e.toml --shard 2/2").contains("I counts from 0"));
+    assert!(desk.fails(3, "status .").contains("holds no experiment.toml"));
+}
+
+#[test]
+fn the_demo_finds_its_pose_and_draws_it() {
+    let desk = Desk::new();
+    let run = desk.run("demo");
+    assert_eq!((run.code, run.err.as_str()), (0, ""));
+    assert!(run.out.contains("truth") && run.out.contains("cfpose-demo/overlay.svg"), "{}", run.out);
+    assert!(desk.read("cfpose-demo/overlay.svg").starts_with("<svg"));
+    let result = desk.json("demo --seed 2 --out elsewhere");
+    assert!(result["rotation_error_deg"].as_f64().unwrap() < 2.0, "{result}");
+    // The command it proposes reads its files.
+    let again = desk.json("estimate --model plane-bearing --source elsewhere/source.csv --target elsewhere/target.csv");
+    assert_eq!(again["usable"], true);
+    assert!(desk.fails(2, "demo --scenario planar").contains("did you mean planar-curve?"));
+}

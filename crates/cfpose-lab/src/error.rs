@@ -1,0 +1,177 @@
+//! The error type of the laboratory.
+
+use std::path::PathBuf;
+
+use cfpose::entry::EntryError;
+
+/// Everything that can go wrong around an experiment; a solve that does not converge is a record, not an error.
+#[derive(Debug, thiserror::Error)]
+pub enum LabError {
+    /// A file or folder cannot be read or written.
+    #[error("{}: cannot {action}: {source}", path.display())]
+    Io {
+        /// File or folder.
+        path: PathBuf,
+        /// `read`, `write`, ...
+        action: &'static str,
+        /// What the system said.
+        source: std::io::Error,
+    },
+    /// The experiment file is no TOML.
+    #[error("{file}: line {line}: {problem}")]
+    Toml {
+        /// Name of the file.
+        file: String,
+        /// Line, from 1.
+        line: usize,
+        /// What is wrong.
+        problem: String,
+    },
+    /// A key that the experiment file does not have.
+    #[error("{file}: {place}: unknown key `{key}`{}", did_you_mean(.suggestions))]
+    UnknownKey {
+        /// Name of the file.
+        file: String,
+        /// Where: `top level`, `[[scenario]] 2`, ...
+        place: String,
+        /// Key the user wrote.
+        key: String,
+        /// Nearest keys, or all of them.
+        suggestions: Vec<String>,
+    },
+    /// A value that cannot be used.
+    #[error("{file}: {place}: {problem}")]
+    Value {
+        /// Name of the file.
+        file: String,
+        /// Where.
+        place: String,
+        /// What is wrong and what to write instead.
+        problem: String,
+    },
+    /// A name or parameter is wrong.
+    #[error("{file}: {place}: {problem}")]
+    Entry {
+        /// Name of the file.
+        file: String,
+        /// Where.
+        place: String,
+        /// The lookup's own error, with suggestions.
+        problem: Box<EntryError>,
+    },
+    /// The estimator refuses the combination.
+    #[error("{file}: {place}: {problem}")]
+    Estimator {
+        /// Name of the file.
+        file: String,
+        /// Where.
+        place: String,
+        /// The estimator's own error.
+        problem: Box<cfpose::Error>,
+    },
+    /// More trials than one experiment may have.
+    #[error(
+        "the experiment asks for {asked} trials over all cells, more than {limit}; lower `trials` or split the grid"
+    )]
+    TooManyTrials {
+        /// Trials asked for.
+        asked: usize,
+        /// Most trials possible.
+        limit: usize,
+    },
+    /// A shard that does not exist.
+    #[error("shard `{text}`: {problem}; write I/N with I from 0 to N - 1, for example 0/4")]
+    Shard {
+        /// What the user wrote.
+        text: String,
+        /// What is wrong.
+        problem: &'static str,
+    },
+    /// The folder holds results and resuming was not asked for.
+    #[error("{}: already holds {records} record(s); resume, or choose another folder", path.display())]
+    Occupied {
+        /// The folder.
+        path: PathBuf,
+        /// Number of records there.
+        records: usize,
+    },
+    /// The folder belongs to another experiment.
+    #[error(
+        "{}: belongs to experiment {found}, not {expected}: seed, trials, scenarios and methods must agree; choose another folder",
+        path.display()
+    )]
+    MixedExperiments {
+        /// File or folder.
+        path: PathBuf,
+        /// Fingerprint that is needed.
+        expected: String,
+        /// Fingerprint that was found.
+        found: String,
+    },
+    /// Records of different instruction sets, whose last digits differ.
+    #[error(
+        "{}: holds records of instruction set {found} beside {expected}; run all shards with the same --isa",
+        path.display()
+    )]
+    MixedIsa {
+        /// File or folder.
+        path: PathBuf,
+        /// Instruction set of the others.
+        expected: String,
+        /// Instruction set that was found.
+        found: String,
+    },
+    /// A record that cannot be read or contradicts another.
+    #[error("{}: line {line}: {problem}", path.display())]
+    Record {
+        /// File.
+        path: PathBuf,
+        /// Line, from 1.
+        line: usize,
+        /// What is wrong.
+        problem: String,
+    },
+    /// The folder holds no results.
+    #[error("{}: holds no experiment.toml, here or one level below; give the folder that `run` wrote", path.display())]
+    NoExperiment {
+        /// The folder.
+        path: PathBuf,
+    },
+    /// A figure cannot be drawn.
+    #[error("cannot draw {figure}: {problem}")]
+    Plot {
+        /// Name of the figure.
+        figure: String,
+        /// What is wrong.
+        problem: String,
+    },
+    /// The threads cannot be started.
+    #[error("cannot start {threads} thread(s): {problem}")]
+    Threads {
+        /// Number asked for.
+        threads: usize,
+        /// What the system said.
+        problem: String,
+    },
+}
+
+impl LabError {
+    /// Say whether the mistake is in what the user wrote (names, keys, values, a folder's choice), not in data or files.
+    ///
+    /// Programs give it exit code 2, everything else 3.
+    pub fn is_usage(&self) -> bool {
+        !matches!(
+            self,
+            LabError::Io { .. }
+                | LabError::Record { .. }
+                | LabError::Toml { .. }
+                | LabError::NoExperiment { .. }
+                | LabError::Plot { .. }
+                | LabError::Threads { .. }
+        )
+    }
+}
+
+fn did_you_mean(suggestions: &[String]) -> String {
+    if suggestions.is_empty() { String::new() } else { format!("; did you mean {}?", suggestions.join(" or ")) }
+}

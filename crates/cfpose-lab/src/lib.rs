@@ -1,0 +1,49 @@
+//! Experiments on correspondence-free pose estimation: scenarios, trials, records, statistics, reports.
+//!
+//! An experiment is data: a file that names scenarios with grids of parameters and methods to compare
+//! ([`config::Experiment`]). [`run::run`] computes its trials into a folder, [`merge::merge`] turns the records of one or
+//! many shards into tables, [`merge::status`] counts what is there.
+//!
+//! * [`scenario`]: what an author of a scenario writes; [`scenarios`]: the table.
+//! * [`seed`]: why growing a grid changes no old trial.
+//! * [`statistics`], [`summary`], [`table`], [`report`], [`plot`]: what comes out.
+//!
+//! The crate never parses arguments.
+
+pub mod config;
+pub mod error;
+pub mod folder;
+pub mod lab;
+pub mod merge;
+pub mod method;
+pub mod plan;
+pub mod plot;
+pub mod record;
+pub mod report;
+pub mod run;
+pub mod scenario;
+pub mod scenarios;
+pub mod seed;
+pub mod statistics;
+pub mod summary;
+pub mod table;
+mod trial;
+mod value;
+
+pub use config::Experiment;
+pub use error::LabError;
+pub use lab::Lab;
+pub use merge::{FolderStatus, Merged, merge, status};
+pub use plan::{Cell, Plan, Shard};
+pub use record::Record;
+pub use run::{Progress, RunOptions, RunReport, run};
+pub use scenario::{Scenario, ScenarioEntry, ScenarioError, Success, Trial};
+pub use summary::{SummaryRow, summarise};
+
+#[cfg(doctest)]
+#[doc = include_str!("../../../docs/adding/scenario.md")]
+mod adding_a_scenario {}
+
+#[cfg(doctest)]
+#[doc = include_str!("../../../docs/experiments.md")]
+mod experiments {}

@@ -1,0 +1,128 @@
+//! A method: a name for preset, or model + features + normaliser + weighting + solver + starts.
+
+use cfpose::entry::{EntryError, find};
+use cfpose::estimator::PRESETS;
+use cfpose::{BuildContext, Registry, Settings, Start};
+use serde::Serialize;
+
+/// Start that takes the scenario's own theta_0.
+pub const SCENARIO_START: &str = "scenario";
+
+/// Return the preset of a method that names none: `auto`, or `paper` while there is no `auto`.
+pub fn default_preset() -> &'static str {
+    if PRESETS.contains(&"auto") { "auto" } else { "paper" }
+}
+
+/// One `[[method]]` of an experiment; everything that is not given comes from the preset.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Method {
+    /// Name in all results.
+    pub name: String,
+    /// Preset.
+    pub preset: String,
+    /// Model, if not the scenario's.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub model: Option<String>,
+    /// Feature family.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub features: Option<String>,
+    /// Normaliser.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub normalise: Option<String>,
+    /// Weighting.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub weighting: Option<String>,
+    /// Solver.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub solver: Option<String>,
+    /// `scenario` for the scenario's theta_0, or a start strategy.
+    pub start: String,
+    /// Budget of each solve in residual evaluations.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub max_evaluations: Option<usize>,
+    /// Limit on iterations of each solve.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub max_iterations: Option<usize>,
+}
+
+impl Method {
+    /// Make the method that is exactly a preset, from the scenario's start.
+    pub fn of_preset(preset: &str) -> Self {
+        Self {
+            name: preset.to_string(),
+            preset: preset.to_string(),
+            model: None,
+            features: None,
+            normalise: None,
+            weighting: None,
+            solver: None,
+            start: SCENARIO_START.to_string(),
+            max_evaluations: None,
+            max_iterations: None,
+        }
+    }
+
+    /// Return the settings of the estimator for a scenario's model, theta_0 (ambient) and the seed of the method.
+    ///
+    /// # Errors
+    /// [`cfpose::Error`] for an unknown preset.
+    pub fn settings(&self, model: &str, start: &[f64], seed: u64) -> Result<Settings, cfpose::Error> {
+        let mut settings = Settings::preset(&self.preset, self.model.as_deref().unwrap_or(model))?;
+        let replace = |part: &mut String, given: &Option<String>| {
+            if let Some(given) = given {
+                part.clone_from(given);
+            }
+        };
+        replace(&mut settings.features, &self.features);
+        replace(&mut settings.weighting, &self.weighting);
+        replace(&mut settings.solver, &self.solver);
+        if self.normalise.is_some() {
+            settings.normaliser.clone_from(&self.normalise);
+        }
+        settings.start = match self.start.as_str() {
+            SCENARIO_START => Start::Given(vec![start.to_vec()]),
+            name => Start::Named(name.to_string()),
+        };
+        settings.seed = seed;
+        if let Some(budget) = self.max_evaluations {
+            settings.stopping.max_evaluations = budget;
+        }
+        if let Some(limit) = self.max_iterations {
+            settings.stopping.max_iterations = limit;
+        }
+        Ok(settings)
+    }
+
+    /// Check every name and parameter of the method against the registry, for a scenario's model.
+    ///
+    /// # Errors
+    /// [`cfpose::Error`] for an unknown name, a bad parameter, or a model whose theta is not laid out as the scenario's.
+    pub fn check(&self, registry: &Registry, scenario_model: &str) -> Result<Settings, cfpose::Error> {
+        let build = |error: EntryError| cfpose::Error::Build(error.into());
+        let context = BuildContext::default();
+        let truth = registry.model(scenario_model, &context)?;
+        let settings = self.settings(scenario_model, &truth.identity, 0)?;
+        let model = registry.model(&settings.model, &context)?;
+        let blocks = |model: &cfpose::Model| {
+            let block = |block: &cfpose::theta::ThetaBlock| (block.name, block.kind.manifold().ambient());
+            model.layout.blocks().iter().map(block).collect::<Vec<_>>()
+        };
+        if blocks(&model) != blocks(&truth) {
+            return Err(cfpose::Error::Unsupported(format!(
+                "model `{}` has another theta than the scenario's `{scenario_model}`, so its error is not defined",
+                settings.model
+            )));
+        }
+        // Families may depend on the data, so only name and parameters are checked here.
+        find("family", &registry.families, &settings.features).map_err(build)?;
+        registry.weighting(&settings.weighting)?;
+        registry.solver(&settings.solver)?;
+        if let Some(normaliser) = &settings.normaliser {
+            registry.normaliser(normaliser)?;
+        }
+        if let Start::Named(name) = &settings.start {
+            registry.start(name)?;
+        }
+        Ok(settings)
+    }
+}

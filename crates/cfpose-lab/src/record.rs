@@ -1,0 +1,74 @@
+//! One record: what one method did in one trial.
+
+use serde::{Deserialize, Serialize};
+use serde_json::{Map, Value};
+
+/// One line of `trials.jsonl`.
+///
+/// Everything but `seconds` (and `timed_out`, where the experiment has a wall-clock limit) depends on the experiment and the
+/// instruction set alone.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Record {
+    /// Fingerprint of the experiment.
+    pub experiment: String,
+    /// Name of the scenario.
+    pub scenario: String,
+    /// All parameters of the cell.
+    pub parameters: Map<String, Value>,
+    /// Name of the method.
+    pub method: String,
+    /// Repetition, from 0.
+    pub repetition: usize,
+    /// Key of the trial, 16 hexadecimal digits.
+    pub key: String,
+    /// Whether the estimate is usable and within the scenario's threshold.
+    pub success: bool,
+    /// The same by the sum of angle and translation.
+    pub success_sum: bool,
+    /// Angle between estimate and truth, degrees.
+    pub rotation_deg: Option<f64>,
+    /// Norm of the difference of translations.
+    pub translation: Option<f64>,
+    /// e = sqrt(angle^2 + translation^2), angle in radians.
+    pub error: Option<f64>,
+    /// angle + translation, angle in radians.
+    pub e_sum: Option<f64>,
+    /// Estimate as a list (rotation vector, translation).
+    pub theta: Option<Vec<f64>>,
+    /// Status of the best solve.
+    pub status: String,
+    /// Whether the estimate may be used.
+    pub usable: bool,
+    /// `good`, `suspect`, `failed`, or nothing where the weighting has no statistic.
+    pub verdict: Option<String>,
+    /// Cost at the estimate.
+    pub cost: Option<f64>,
+    /// Residual evaluations over all starts.
+    pub evaluations: usize,
+    /// Iterations over all starts.
+    pub iterations: usize,
+    /// Number of starts.
+    pub starts: usize,
+    /// Whether the trial took at least the experiment's wall-clock limit, so that its result depends on the machine.
+    #[serde(default)]
+    pub timed_out: bool,
+    /// Why there is no estimate.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub message: Option<String>,
+    /// Instruction set.
+    pub isa: String,
+    /// Wall-clock seconds of preparing and solving.
+    pub seconds: f64,
+}
+
+impl Record {
+    /// Say whether two records agree in everything but the time.
+    pub fn same_result(&self, other: &Record) -> bool {
+        Record { seconds: 0.0, ..self.clone() } == Record { seconds: 0.0, ..other.clone() }
+    }
+
+    /// Return what identifies the record in its experiment.
+    pub fn identity(&self) -> (String, String) {
+        (self.key.clone(), self.method.clone())
+    }
+}

@@ -1,0 +1,10 @@
+//! The scenario table: a new scenario is one file and one line here.
+
+mod cloud3;
+pub mod curves;
+mod planar_curve;
+
+use crate::scenario::ScenarioEntry;
+
+/// All scenarios of the laboratory.
+pub const ALL: &[&ScenarioEntry] = &[&planar_curve::ENTRY, &cloud3::ENTRY];

@@ -1,0 +1,181 @@
+//! The paper's simulation (section IV.C): one planar curve in two images.
+
+use cfpose::entry::{EntryError, ParameterSpec, Parameters};
+use cfpose::theta::{Layout, RotationForm, rotation_of_euler};
+use cfpose::{Points, Pose};
+use rand::RngExt;
+use rand_chacha::ChaCha12Rng;
+use rand_distr::StandardNormal;
+
+use super::curves;
+use crate::scenario::{Scenario, ScenarioEntry, ScenarioError, Success, Trial};
+
+/// Named thetas: Euler angles about x, y, z (R = Rz Ry Rx), then T_bar.
+const NAMED: [(&str, [f64; 6]); 2] =
+    [("A", [0.1, -0.15, 0.2, 0.1, -0.1, 0.15]), ("B", [0.2, 0.3, -0.25, -0.2, 0.15, 0.3])];
+
+/// A pose is a success when e <= 0.1.
+const THRESHOLD: f64 = 0.1;
+
+/// A planar curve P on the plane z = 1 and its perspective image Q under R P + T_bar.
+///
+/// Random draws of a trial, in this order:
+/// 1. six normals: theta_0 = theta + b_i randn(6), in (Euler angles, T_bar);
+/// 2. with `b_m`: one normal for every point of the curve, in curve order; the point is kept when |randn| <= b_m;
+/// 3. two normals (x, then y) for every point that is kept, in order: noise b_p randn on the image coordinates;
+/// 4. two uniforms (x, then y) for every one of `outliers`, at (-0.6 + 0.05 rand, -0.4 + 0.05 rand);
+/// 5. two uniforms (x, then y) for every one of `uniform_outliers`, in the bounding box of the points so far, enlarged by
+///    a fifth about its centre.
+struct PlanarCurve {
+    source: Vec<[f64; 2]>,
+    /// Euler angles and T_bar.
+    theta: [f64; 6],
+    b_i: f64,
+    b_p: f64,
+    b_m: Option<f64>,
+    outliers: usize,
+    uniform_outliers: usize,
+}
+
+impl PlanarCurve {
+    fn new(parameters: &Parameters) -> Result<Self, EntryError> {
+        let not_negative = |key| parameters.number(key, "a number >= 0", |v| v >= 0.0 && v.is_finite());
+        let scale = parameters.number("scale", "a number above 0", |v| v > 0.0 && v.is_finite())?;
+        let b_m = match parameters.text("b_m") {
+            "none" => None,
+            _ => Some(parameters.number("b_m", "`none` or a number above 0", |v| v > 0.0)?),
+        };
+        Ok(Self {
+            source: curves::points(parameters.text("curve"), scale)?,
+            theta: theta_of(parameters)?,
+            b_i: not_negative("b_i")?,
+            b_p: not_negative("b_p")?,
+            b_m,
+            outliers: parameters.count("outliers", 0, 1_000_000)?,
+            uniform_outliers: parameters.count("uniform_outliers", 0, 1_000_000)?,
+        })
+    }
+
+    /// Draw the target points, steps 2 to 5.
+    fn image(&self, rng: &mut ChaCha12Rng) -> Result<Vec<[f64; 2]>, ScenarioError> {
+        let pose = Pose {
+            rotation: rotation_of_euler(&self.theta[..3]),
+            translation: [self.theta[3], self.theta[4], self.theta[5]],
+        };
+        let mut image = Vec::with_capacity(self.source.len() + self.outliers + self.uniform_outliers);
+        for p in &self.source {
+            let keep = match self.b_m {
+                None => true,
+                Some(bound) => rng.sample::<f64, _>(StandardNormal).abs() <= bound,
+            };
+            if keep {
+                let [x, y, z] = pose.apply([p[0], p[1], 1.0]);
+                if z <= 0.0 {
+                    return Err(ScenarioError::Impossible(
+                        "theta puts part of the curve behind the camera (depth <= 0); choose another theta or scale"
+                            .to_string(),
+                    ));
+                }
+                image.push([x / z, y / z]);
+            }
+        }
+        for q in &mut image {
+            for x in q {
+                *x += self.b_p * rng.sample::<f64, _>(StandardNormal);
+            }
+        }
+        for _ in 0..self.outliers {
+            image.push([-0.6 + 0.05 * rng.random::<f64>(), -0.4 + 0.05 * rng.random::<f64>()]);
+        }
+        add_uniform(&mut image, self.uniform_outliers, rng);
+        Ok(image)
+    }
+}
+
+/// Read `A`, `B` or six numbers.
+fn theta_of(parameters: &Parameters) -> Result<[f64; 6], EntryError> {
+    let text = parameters.text("theta");
+    if let Some((_, theta)) = NAMED.iter().find(|(name, _)| *name == text) {
+        return Ok(*theta);
+    }
+    let numbers: Option<Vec<f64>> =
+        text.split_whitespace().map(|word| word.parse().ok().filter(|v: &f64| v.is_finite())).collect();
+    numbers
+        .and_then(|numbers| numbers.try_into().ok())
+        .ok_or_else(|| parameters.bad("theta", "expected A, B or six numbers: Euler angles about x, y, z, then T_bar"))
+}
+
+/// Add `count` points, uniform in the bounding box of the points enlarged by a fifth.
+fn add_uniform(image: &mut Vec<[f64; 2]>, count: usize, rng: &mut ChaCha12Rng) {
+    let bounds = [0, 1].map(|d| {
+        image.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), q| (low.min(q[d]), high.max(q[d])))
+    });
+    if image.is_empty() {
+        return;
+    }
+    for _ in 0..count {
+        image.push(bounds.map(|(low, high)| {
+            let (centre, size) = (0.5 * (low + high), 1.2 * (high - low));
+            centre + size * (rng.random::<f64>() - 0.5)
+        }));
+    }
+}
+
+impl Scenario for PlanarCurve {
+    fn model(&self) -> &str {
+        "plane-bearing"
+    }
+
+    fn trial(&self, rng: &mut ChaCha12Rng) -> Result<Trial, ScenarioError> {
+        let start = self.theta.map(|v| v + self.b_i * rng.sample::<f64, _>(StandardNormal));
+        let image = self.image(rng)?;
+        let points = |side, rows: &[[f64; 2]]| {
+            Points::from_rows(rows).map_err(|problem| ScenarioError::Points { side, problem })
+        };
+        let ambient = |theta: &[f64]| {
+            Layout::pose3()
+                .from_list(theta, RotationForm::Euler)
+                .map_err(|problem| ScenarioError::Impossible(problem.to_string()))
+        };
+        Ok(Trial {
+            source: points("source", &self.source)?.in_curve_order(),
+            target: points("target", &image)?,
+            truth: ambient(&self.theta)?,
+            start: ambient(&start)?,
+            success: Success::Error(THRESHOLD),
+        })
+    }
+}
+
+pub(super) const ENTRY: ScenarioEntry = ScenarioEntry {
+    name: "planar-curve",
+    summary: "the paper's simulation: a planar curve of 3142 points in two images, noise, mismatches, outliers",
+    parameters: &[
+        ParameterSpec {
+            name: "curve",
+            default: "heart",
+            meaning: "heart, flower, butterfly, blob, fish or fourier[seed=K]",
+        },
+        ParameterSpec { name: "scale", default: "0.45", meaning: "largest absolute coordinate of the curve, > 0" },
+        ParameterSpec {
+            name: "theta",
+            default: "B",
+            meaning: "true pose: A, B or six numbers (Euler angles about x, y, z in rad with R = Rz Ry Rx, then T_bar)",
+        },
+        ParameterSpec { name: "b_i", default: "0.1", meaning: "standard deviation of the start about the truth, >= 0" },
+        ParameterSpec { name: "b_p", default: "0", meaning: "standard deviation of the image noise, >= 0" },
+        ParameterSpec {
+            name: "b_m",
+            default: "none",
+            meaning: "mismatches: a point is kept if |randn| <= b_m; or none",
+        },
+        ParameterSpec { name: "outliers", default: "0", meaning: "outliers in a blob at (-0.6, -0.4) of width 0.05" },
+        ParameterSpec {
+            name: "uniform_outliers",
+            default: "0",
+            meaning: "outliers uniform in the image's bounding box enlarged by a fifth",
+        },
+    ],
+    source: "section IV.C, Table I (a), (b) and the paragraph on outliers",
+    build: |parameters| Ok(Box::new(PlanarCurve::new(parameters)?)),
+};

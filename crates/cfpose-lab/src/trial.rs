@@ -1,0 +1,128 @@
+//! One trial: data from its stream, every method on the same data.
+
+use std::sync::atomic::AtomicBool;
+use std::time::{Duration, Instant};
+
+use cfpose::theta::RotationForm;
+use cfpose::{BuildContext, Estimate, Execution, Prepared, Supervision};
+use serde_json::Map;
+
+use crate::config::Experiment;
+use crate::lab::Lab;
+use crate::method::Method;
+use crate::plan::{Cell, PlannedTrial};
+use crate::record::Record;
+use crate::scenario::{Scenario, Trial};
+use crate::seed::{data_stream, method_seed};
+use crate::value::json_of;
+
+/// What all trials of a run share.
+pub(crate) struct Bench<'a> {
+    pub lab: &'a Lab,
+    pub experiment: &'a Experiment,
+    pub fingerprint: &'a str,
+    pub execution: Execution,
+    pub cancel: Option<&'a AtomicBool>,
+}
+
+impl Bench<'_> {
+    /// Compute the records of one trial for the given methods.
+    pub(crate) fn records(
+        &self,
+        scenario: &dyn Scenario,
+        cell: &Cell,
+        planned: &PlannedTrial,
+        methods: &[&Method],
+    ) -> Vec<Record> {
+        let data = scenario.trial(&mut data_stream(self.experiment.seed, planned.key));
+        let record = |method: &&Method| {
+            let begin = Instant::now();
+            let mut record = self.blank(cell, planned, method);
+            match &data {
+                Ok(trial) => self.solve(scenario, trial, planned, method, &mut record),
+                Err(problem) => record.message = Some(problem.to_string()),
+            }
+            record.seconds = begin.elapsed().as_secs_f64();
+            record.timed_out = self.experiment.deadline_secs.is_some_and(|limit| record.seconds >= limit);
+            record
+        };
+        methods.iter().map(record).collect()
+    }
+
+    /// Make the record of a trial that has no estimate.
+    fn blank(&self, cell: &Cell, planned: &PlannedTrial, method: &Method) -> Record {
+        let parameters: Map<_, _> = cell.parameters.iter().map(|(key, text)| (key.clone(), json_of(text))).collect();
+        Record {
+            experiment: self.fingerprint.to_string(),
+            scenario: cell.scenario.clone(),
+            parameters,
+            method: method.name.clone(),
+            repetition: planned.repetition,
+            key: format!("{:016x}", planned.key),
+            success: false,
+            success_sum: false,
+            rotation_deg: None,
+            translation: None,
+            error: None,
+            e_sum: None,
+            theta: None,
+            status: "unsupported".to_string(),
+            usable: false,
+            verdict: Some("failed".to_string()),
+            cost: None,
+            evaluations: 0,
+            iterations: 0,
+            starts: 0,
+            timed_out: false,
+            message: None,
+            isa: self.execution.isa.name().to_string(),
+            seconds: 0.0,
+        }
+    }
+
+    /// Estimate and fill in the record; a method that does not apply leaves its reason.
+    fn solve(
+        &self,
+        scenario: &dyn Scenario,
+        trial: &Trial,
+        planned: &PlannedTrial,
+        method: &Method,
+        record: &mut Record,
+    ) {
+        let seed = method_seed(self.experiment.seed, planned.key);
+        let registry = &self.lab.registry;
+        let solved = method.settings(scenario.model(), &trial.start, seed).and_then(|settings| {
+            let prepared = Prepared::new(registry, &settings, &trial.source, &trial.target, &self.execution)?;
+            let deadline = self.experiment.deadline_secs.map(Duration::from_secs_f64);
+            prepared.solve(registry, Supervision { cancel: self.cancel, deadline, observer: None })
+        });
+        match solved {
+            Ok(estimate) => self.score(scenario, trial, &estimate, record),
+            Err(problem) => record.message = Some(problem.to_string()),
+        }
+    }
+
+    fn score(&self, scenario: &dyn Scenario, trial: &Trial, estimate: &Estimate, record: &mut Record) {
+        record.status = estimate.outcome.status.name().to_string();
+        record.usable = estimate.usable();
+        record.verdict = estimate.verdict.map(|verdict| verdict.name().to_string());
+        record.cost = Some(estimate.outcome.cost).filter(|cost| cost.is_finite());
+        record.evaluations = estimate.evaluations;
+        record.iterations = estimate.iterations;
+        record.starts = estimate.starts;
+        if !record.usable {
+            record.message = Some(estimate.outcome.message.clone());
+        }
+        // The scenario's model built once already, when the experiment was read.
+        let Ok(model) = self.lab.registry.model(scenario.model(), &BuildContext::default()) else { return };
+        record.theta = Some(model.layout.to_list(&estimate.theta, RotationForm::Vector))
+            .filter(|list| list.iter().all(|v| v.is_finite()));
+        let Some(error) = scenario.error(&model.layout, &estimate.theta, &trial.truth) else { return };
+        record.rotation_deg = Some(error.angle.to_degrees());
+        record.translation = Some(error.translation);
+        record.error = Some(error.total());
+        record.e_sum = Some(error.angle + error.translation);
+        record.success = record.usable && trial.success.holds(&error);
+        record.success_sum = record.usable && trial.success.holds_for_sum(&error);
+    }
+}

@@ -1,0 +1,101 @@
+//! Pixels of a calibrated camera to image points on the plane z = 1 and back.
+
+use cfpose::homography::Intrinsics;
+use cfpose::{Points, PointsError};
+
+/// A pinhole camera without distortion: u = fx x / z + cx, v = fy y / z + cy; x right, y down, z forward, pixel centres at
+/// integers.
+///
+/// ```
+/// use cfpose::Points;
+/// use cfpose_vision::Camera;
+/// let camera = Camera::new(500.0, 250.0, 320.0, 240.0).unwrap();
+/// let image = camera.normalise(&Points::from_rows(&[[820.0, 240.0], [320.0, 490.0]]).unwrap()).unwrap();
+/// assert_eq!((image.point(0)[..2].to_vec(), image.point(1)[..2].to_vec()), (vec![1.0, 0.0], vec![0.0, 1.0]));
+/// assert!(Camera::new(0.0, 1.0, 0.0, 0.0).is_none());
+/// ```
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Camera(Intrinsics);
+
+impl Camera {
+    /// The camera that leaves image points as they are.
+    pub const IDENTITY: Self = Self(Intrinsics { fx: 1.0, fy: 1.0, cx: 0.0, cy: 0.0 });
+
+    /// Make a camera of focal lengths and principal point, all in pixels; `None` when a number is not finite or a focal
+    /// length is not positive.
+    pub fn new(fx: f64, fy: f64, cx: f64, cy: f64) -> Option<Self> {
+        let valid = [fx, fy, cx, cy].iter().all(|v| v.is_finite()) && fx > 0.0 && fy > 0.0;
+        valid.then_some(Self(Intrinsics { fx, fy, cx, cy }))
+    }
+
+    /// Return the numbers.
+    pub fn intrinsics(&self) -> Intrinsics {
+        self.0
+    }
+
+    /// Return the points (x, y) = ((u - cx) / fx, (v - cy) / fy) of pixels (u, v), weights with them.
+    ///
+    /// # Errors
+    /// [`PointsError::Dimension`] for points that are not 2-D, [`PointsError::NotFinite`] on overflow.
+    pub fn normalise(&self, pixels: &Points) -> Result<Points, PointsError> {
+        if pixels.dim() != 2 {
+            return Err(PointsError::Dimension { dim: pixels.dim() });
+        }
+        let x = pixels.column(0).iter().map(|u| (u - self.0.cx) / self.0.fx).collect();
+        let y = pixels.column(1).iter().map(|v| (v - self.0.cy) / self.0.fy).collect();
+        rebuild(vec![x, y], pixels)
+    }
+
+    /// Return the pixels of image points (x, y) or of rays (x, y, z), weights with them.
+    ///
+    /// # Errors
+    /// [`PointsError::Dimension`] for 1-D points, [`PointsError::NotFinite`] (the row, value NaN) for a ray that does not
+    /// point forward.
+    pub fn project(&self, points: &Points) -> Result<Points, PointsError> {
+        if points.dim() < 2 {
+            return Err(PointsError::Dimension { dim: points.dim() });
+        }
+        let depth = |k: usize| match points.dim() {
+            2 => 1.0,
+            _ if points.column(2)[k] > 0.0 => points.column(2)[k],
+            _ => f64::NAN,
+        };
+        let u = (0..points.len()).map(|k| self.0.fx * points.column(0)[k] / depth(k) + self.0.cx).collect();
+        let v = (0..points.len()).map(|k| self.0.fy * points.column(1)[k] / depth(k) + self.0.cy).collect();
+        rebuild(vec![u, v], points)
+    }
+}
+
+/// Make points of new coordinates with the weights of others.
+fn rebuild(columns: Vec<Vec<f64>>, like: &Points) -> Result<Points, PointsError> {
+    let points = match like.is_uniform() {
+        true => Points::from_columns(columns),
+        false => Points::weighted(columns, like.weights().to_vec()),
+    }?;
+    Ok(if like.is_in_curve_order() { points.in_curve_order() } else { points })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn pixels_of_image_points_are_the_pixels_they_came_from() {
+        let camera = Camera::new(700.0, 710.0, 311.5, 242.25).unwrap();
+        let pixels = Points::weighted(vec![vec![0.0, 639.0], vec![3.5, 479.0]], vec![1.0, 2.0]).unwrap();
+        let back = camera.project(&camera.normalise(&pixels).unwrap()).unwrap();
+        for k in 0..2 {
+            for d in 0..2 {
+                assert!((back.column(d)[k] - pixels.column(d)[k]).abs() < 1e-12);
+            }
+        }
+        assert_eq!(back.weights(), pixels.weights());
+    }
+
+    #[test]
+    fn a_ray_behind_the_camera_is_an_error_that_names_the_row() {
+        let rays = Points::from_rows(&[[0.0, 0.0, 1.0], [0.0, 0.1, -1.0]]).unwrap();
+        let error = Camera::IDENTITY.project(&rays).unwrap_err();
+        assert!(matches!(error, PointsError::NotFinite { row: 2, .. }), "{error}");
+    }
+}

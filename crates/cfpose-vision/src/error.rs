@@ -1,0 +1,215 @@
+//! What can be wrong with a file: where, what, and what to do about it, in one line.
+
+use std::fmt;
+use std::path::{Path, PathBuf};
+
+use cfpose::PointsError;
+
+/// A file that cannot be read or written: which file, where in it, what is wrong and what to do, in one line.
+#[derive(Debug, thiserror::Error)]
+#[error("{}: {at}{fault}", path.display())]
+pub struct FileError {
+    /// The file as it was named.
+    pub path: PathBuf,
+    /// Where in the file.
+    pub at: Place,
+    /// What is wrong.
+    pub fault: Fault,
+}
+
+/// Where in a file something is wrong.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Place {
+    /// The file as a whole, or its header.
+    Whole,
+    /// A line of a text file, from 1.
+    Line(usize),
+    /// A row (point) of a binary file, from 1.
+    Row(usize),
+}
+
+impl fmt::Display for Place {
+    /// Write the place as a prefix of the message: nothing, `line 3: ` or `row 3: `.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Whole => Ok(()),
+            Self::Line(line) => write!(f, "line {line}: "),
+            Self::Row(row) => write!(f, "row {row}: "),
+        }
+    }
+}
+
+/// What a reader of bytes returns: a [`FileError`] before the file's name is known.
+#[derive(Debug)]
+pub struct Flaw {
+    /// Where.
+    pub at: Place,
+    /// What is wrong.
+    pub fault: Fault,
+}
+
+impl Flaw {
+    /// Place a fault.
+    pub fn new(at: Place, fault: Fault) -> Self {
+        Self { at, fault }
+    }
+
+    /// Name the file.
+    pub fn in_file(self, path: &Path) -> FileError {
+        FileError { path: path.to_path_buf(), at: self.at, fault: self.fault }
+    }
+}
+
+impl From<Fault> for Flaw {
+    /// Place a fault at the whole file.
+    fn from(fault: Fault) -> Self {
+        Self { at: Place::Whole, fault }
+    }
+}
+
+/// What is wrong with a file and what to do about it.
+#[derive(Debug, thiserror::Error)]
+pub enum Fault {
+    /// There is no such file.
+    #[error("there is no such file; check the name and the folder")]
+    Missing,
+    /// The path is a folder or a device.
+    #[error("this is not a file of points but a folder or a device; name a regular file")]
+    NotAFile,
+    /// The operating system refused.
+    #[error("{0}")]
+    Io(std::io::Error),
+    /// No format has this extension.
+    #[error("no format has the extension {found:?}{}; known are {known}", suggest(.suggestion))]
+    Extension {
+        /// The extension found, without the dot; empty where there is none.
+        found: String,
+        /// The known extension nearest to it, if one is near.
+        suggestion: Option<&'static str>,
+        /// All known extensions.
+        known: String,
+    },
+    /// The format can be read but not written, or not for these points.
+    #[error("{what}; write {advice} instead")]
+    Unwritable {
+        /// What cannot be written.
+        what: String,
+        /// Which extension can.
+        advice: &'static str,
+    },
+    /// The file has no bytes.
+    #[error("the file is empty; a point file has one row a point")]
+    Empty,
+    /// The file has content and no point.
+    #[error("the file holds no points; give one row a point")]
+    NoPoints,
+    /// A field is not a number.
+    #[error("{column} is {text:?}, not a number{hint}")]
+    NotANumber {
+        /// Name of the column.
+        column: String,
+        /// What stands there, cut to a readable length.
+        text: String,
+        /// What to do, starting with "; ".
+        hint: &'static str,
+    },
+    /// A coordinate is NaN or infinite.
+    #[error("{column} is {value}, not a finite number; remove or repair this row")]
+    NotFinite {
+        /// Name of the column.
+        column: String,
+        /// The value.
+        value: f64,
+    },
+    /// A weight is negative or not finite.
+    #[error("weight {column} is {value}; weights are finite and not negative")]
+    Weight {
+        /// Name of the column.
+        column: String,
+        /// The value.
+        value: f64,
+    },
+    /// A row has another number of columns than the rows before it, or than the header names.
+    #[error("{}, but the {than} {expected}; give every row the same number of columns", plural(*.found, "column"))]
+    Columns {
+        /// Columns of this row.
+        found: usize,
+        /// Columns expected.
+        expected: usize,
+        /// What says so.
+        than: &'static str,
+    },
+    /// The rows have too many columns.
+    #[error("{}; points have 1, 2 or 3 columns and, if a header names it, a column w of weights", plural(*.found, "column"))]
+    Dimension {
+        /// Columns of coordinates found.
+        found: usize,
+    },
+    /// The header contradicts the format.
+    #[error("the header {what}; write the file again with a tool that knows the format")]
+    Header {
+        /// What is wrong with it, as a verb phrase.
+        what: String,
+    },
+    /// The header promises more than follows.
+    #[error("the header claims {claimed} {what}, the file holds {held}; it is truncated or its header is wrong")]
+    Claims {
+        /// What is counted.
+        what: String,
+        /// The number in the header, as it stands there.
+        claimed: String,
+        /// What the file holds: a number, or "at most" one.
+        held: String,
+    },
+    /// The format allows it, this reader does not.
+    #[error("{what} is not supported; {advice}")]
+    Unsupported {
+        /// The feature.
+        what: String,
+        /// What to do.
+        advice: &'static str,
+    },
+    /// An image has no pixel on the chosen side of the threshold.
+    #[error("no pixel is foreground, that is {side} grey {threshold}; choose the other side or another threshold")]
+    NoForeground {
+        /// The side of the threshold.
+        side: &'static str,
+        /// The threshold.
+        threshold: u8,
+    },
+    /// The image cannot be decoded.
+    #[error("the image cannot be decoded: {0}; save it again as PNG")]
+    Image(String),
+    /// The content is no pose.
+    #[error("{what}; give 4x4, 3x4, TUM or KITTI rows, or JSON")]
+    Pose {
+        /// What is wrong.
+        what: String,
+    },
+    /// The points themselves are not usable.
+    #[error("{0}")]
+    Points(#[from] PointsError),
+}
+
+fn suggest(suggestion: &Option<&'static str>) -> String {
+    suggestion.map_or_else(String::new, |name| format!(" (did you mean {name:?}?)"))
+}
+
+fn plural(number: usize, noun: &str) -> String {
+    if number == 1 { format!("1 {noun}") } else { format!("{number} {noun}s") }
+}
+
+/// Quote what stands in a file, cut to 40 characters and without what would break the line.
+pub(crate) fn excerpt(text: &str) -> String {
+    let mut short: String = text.chars().take(40).collect();
+    if short.len() < text.len() {
+        short.push_str("...");
+    }
+    short
+}
+
+/// Say on one line what a library reports on several.
+pub(crate) fn one_line(text: &str) -> String {
+    let line: Vec<&str> = text.split_whitespace().collect();
+    line.join(" ").chars().take(200).collect()
+}

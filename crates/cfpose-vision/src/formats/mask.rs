@@ -1,0 +1,127 @@
+//! `.png`, `.jpg`, `.jpeg`: the pixels of a silhouette.
+//!
+//! Points are the pixels of the foreground, row by row; pixel centres are at integers, x to the right and y down, the
+//! first pixel at (0, 0). A pixel is bright if its grey value, from 0 to 255, is above [`ReadOptions::threshold`]; in an
+//! image whose opacity varies, opacity takes the place of grey. [`Foreground`] says which side the points are. An
+//! orientation that a camera noted beside the pixels is ignored.
+
+use std::io::Cursor;
+
+use image::codecs::{jpeg::JpegDecoder, png::PngDecoder};
+use image::{DynamicImage, GrayImage, ImageDecoder, ImageFormat, ImageResult, Limits};
+
+use crate::error::{Fault, Flaw, Place, one_line};
+use crate::gather::{Gather, Layout, PointTable};
+use crate::read::{Foreground, ReadOptions};
+
+/// Largest number of pixels (8192 x 8192): an honest image may still unpack to a thousand times its size.
+const MOST_PIXELS: u64 = 1 << 26;
+
+/// Most bits of raw pixels in a byte of deflated data.
+const DEFLATE_BITS: u64 = 1032 * 8;
+
+/// Most pixels in a byte of JPEG: a block of 8 x 8 takes at least one bit.
+const JPEG_PIXELS: u64 = 64 * 8;
+
+/// Read the pixels of the foreground.
+pub(super) fn read(bytes: &[u8], options: &ReadOptions) -> Result<PointTable, Flaw> {
+    let grey = decode(bytes)?;
+    let bright = |value: u8| value > options.threshold;
+    let wanted = match options.foreground {
+        Foreground::Bright => true,
+        Foreground::Dark => false,
+        Foreground::Auto => !border_is_bright(&grey, bright),
+    };
+    let mut gather = Gather::new(Layout::anonymous(2)?);
+    for (x, y, _) in grey.enumerate_pixels().filter(|(_, _, pixel)| bright(pixel.0[0]) == wanted) {
+        gather.push(Place::Whole, |axis, _| Ok(f64::from(if axis == 0 { x } else { y })))?;
+    }
+    if gather.len() == 0 {
+        let (side, threshold) = (if wanted { "above" } else { "at most" }, options.threshold);
+        return Err(Fault::NoForeground { side, threshold }.into());
+    }
+    gather.finish()
+}
+
+/// Say whether more than half of the pixels on the border are bright.
+fn border_is_bright(grey: &GrayImage, bright: impl Fn(u8) -> bool) -> bool {
+    let (right, bottom) = (grey.width() - 1, grey.height() - 1);
+    let border = grey.enumerate_pixels().filter(|(x, y, _)| *x == 0 || *y == 0 || *x == right || *y == bottom);
+    let (mut total, mut count) = (0usize, 0usize);
+    for (_, _, pixel) in border {
+        total += 1;
+        count += usize::from(bright(pixel.0[0]));
+    }
+    2 * count > total
+}
+
+/// Decode to grey values, or to opacities where these vary.
+fn decode(bytes: &[u8]) -> Result<GrayImage, Fault> {
+    let failed = |error: image::ImageError| Fault::Image(one_line(&error.to_string()));
+    let decoded = match image::guess_format(bytes) {
+        Ok(ImageFormat::Png) => decode_png(bytes)?.map_err(failed)?,
+        Ok(ImageFormat::Jpeg) => decode_jpeg(bytes)?.map_err(failed)?,
+        _ => return Err(Fault::Image("it is neither PNG nor JPEG".into())),
+    };
+    if decoded.color().has_alpha() {
+        let opacity = decoded.to_rgba8();
+        if opacity.pixels().any(|pixel| pixel.0[3] != opacity.get_pixel(0, 0).0[3]) {
+            return Ok(GrayImage::from_fn(opacity.width(), opacity.height(), |x, y| {
+                image::Luma([opacity.get_pixel(x, y).0[3]])
+            }));
+        }
+    }
+    Ok(decoded.into_luma8())
+}
+
+/// Refuse a size before memory is taken for it.
+fn check_size(width: u64, height: u64, most_held: u64) -> Result<(), Fault> {
+    // Both sides come from fields of at most 32 bits, so the product fits.
+    let pixels = width * height;
+    if pixels == 0 {
+        return Err(Fault::Image("it has no pixels".into()));
+    }
+    if pixels > most_held {
+        let (claimed, held) = (format!("{width} x {height}"), format!("at most {most_held}"));
+        return Err(Fault::Claims { what: "pixels".into(), claimed, held });
+    }
+    if pixels > MOST_PIXELS {
+        let what = format!("an image of {width} x {height} pixels");
+        return Err(Fault::Unsupported { what, advice: "reduce it to at most 8192 x 8192" });
+    }
+    Ok(())
+}
+
+fn decode_png(bytes: &[u8]) -> Result<ImageResult<DynamicImage>, Fault> {
+    // Signature, length and name of the first chunk, width, height, depth and colour type: PNG, section 11.2.2.
+    let Some(&[w0, w1, w2, w3, h0, h1, h2, h3, depth, colour]) = bytes.get(16..26) else {
+        return Err(Fault::Image("it is cut off".into()));
+    };
+    let (width, height) = (u32::from_be_bytes([w0, w1, w2, w3]), u32::from_be_bytes([h0, h1, h2, h3]));
+    let channels = match colour {
+        2 => 3,
+        4 => 2,
+        6 => 4,
+        _ => 1,
+    };
+    let bits = u64::from(depth.max(1)) * channels;
+    check_size(width.into(), height.into(), bytes.len() as u64 * DEFLATE_BITS / bits)?;
+    let mut limits = Limits::default();
+    limits.max_alloc = Some(MOST_PIXELS * 8);
+    Ok(PngDecoder::with_limits(Cursor::new(bytes), limits).and_then(DynamicImage::from_decoder))
+}
+
+fn decode_jpeg(bytes: &[u8]) -> Result<ImageResult<DynamicImage>, Fault> {
+    // The decoder fills what is missing with grey; pixels are whole where the end marker follows the last scan.
+    let find = |marker: u8| bytes.windows(2).rposition(|pair| pair == [0xff, marker]);
+    if find(0xd9).is_none_or(|end| Some(end) < find(0xda)) {
+        return Err(Fault::Image("it is cut off".into()));
+    }
+    let decoder = match JpegDecoder::new(Cursor::new(bytes)) {
+        Ok(decoder) => decoder,
+        Err(error) => return Ok(Err(error)),
+    };
+    let (width, height) = decoder.dimensions();
+    check_size(width.into(), height.into(), bytes.len() as u64 * JPEG_PIXELS)?;
+    Ok(DynamicImage::from_decoder(decoder))
+}

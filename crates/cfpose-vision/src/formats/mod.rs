@@ -1,0 +1,88 @@
+//! The table of formats; one file for each.
+
+mod mask;
+mod npy;
+mod obj;
+mod pcd;
+mod ply;
+mod text;
+
+use cfpose::Points;
+
+use crate::error::{Fault, Flaw};
+use crate::gather::PointTable;
+use crate::read::ReadOptions;
+
+/// Make points of the bytes of a whole file.
+pub type ReadFn = fn(&[u8], &ReadOptions) -> Result<PointTable, Flaw>;
+
+/// Make the bytes of a whole file of points.
+pub type WriteFn = fn(&Points) -> Result<Vec<u8>, Fault>;
+
+/// One way to keep points in a file.
+#[derive(Debug, Clone, Copy)]
+pub struct Format {
+    /// Name, as [`crate::PointFile::format`] gives it.
+    pub name: &'static str,
+    /// Extensions in lower case, without the dot.
+    pub extensions: &'static [&'static str],
+    /// One line for a reader who wants to choose.
+    pub summary: &'static str,
+    /// Reader of the bytes of a whole file.
+    pub read: ReadFn,
+    /// Writer of the bytes of a whole file, where the format can be written.
+    pub write: Option<WriteFn>,
+}
+
+/// Every format, in the order in which documents list them.
+///
+/// ```
+/// use cfpose_vision::{FORMATS, ReadOptions};
+/// let text = FORMATS.iter().find(|format| format.extensions.contains(&"csv")).unwrap();
+/// let table = (text.read)(b"u;v\n1;2\n", &ReadOptions::default()).unwrap();
+/// assert_eq!(table.columns, ["u", "v"]);
+/// ```
+pub const FORMATS: &[Format] = &[
+    Format {
+        name: "text",
+        extensions: &["csv", "txt", "xyz"],
+        summary: "1 to 3 columns; comma, semicolon, tab or blanks; header optional; column w is a weight",
+        read: text::read,
+        write: Some(text::write),
+    },
+    Format {
+        name: "ply",
+        extensions: &["ply"],
+        summary: "Stanford polygon file, ascii and binary; properties x, y, z and w of the vertices",
+        read: ply::read,
+        write: Some(ply::write),
+    },
+    Format {
+        name: "obj",
+        extensions: &["obj"],
+        summary: "Wavefront object; the vertices",
+        read: obj::read,
+        write: Some(obj::write),
+    },
+    Format {
+        name: "pcd",
+        extensions: &["pcd"],
+        summary: "Point Cloud Library, ascii, binary and binary_compressed; fields x, y, z and w",
+        read: pcd::read,
+        write: Some(pcd::write),
+    },
+    Format {
+        name: "npy",
+        extensions: &["npy"],
+        summary: "numpy array of N numbers or N x 1..3, floats or integers",
+        read: npy::read,
+        write: Some(npy::write),
+    },
+    Format {
+        name: "mask",
+        extensions: &["png", "jpg", "jpeg"],
+        summary: "silhouette; the pixels of the region, centres at integers, x right, y down",
+        read: mask::read,
+        write: None,
+    },
+];

@@ -1,0 +1,40 @@
+//! `.ply`: Stanford polygon files, ascii and binary in both byte orders.
+//!
+//! Read are the properties x, y, z and w of the element `vertex`, in any order and of any scalar type; other
+//! properties (also lists) and other elements are stepped over, and must be there.
+//!
+//! Source: G. Turk, "The PLY polygon file format", 1994. As there, an ascii element stands on one line.
+
+mod body;
+mod header;
+
+use cfpose::Points;
+
+use crate::cursor::Lines;
+use crate::error::{Fault, Flaw};
+use crate::gather::{Gather, Layout, PointTable};
+use crate::read::ReadOptions;
+use crate::write::{column_names, rows};
+
+/// Read the vertices.
+pub(super) fn read(bytes: &[u8], _options: &ReadOptions) -> Result<PointTable, Flaw> {
+    let mut lines = Lines::new(bytes);
+    let header = header::parse(&mut lines)?;
+    let Some(vertex) = header.elements.iter().find(|element| element.name == "vertex") else {
+        return Err(Fault::Header { what: "names no element vertex".into() }.into());
+    };
+    let names: Vec<String> = vertex.properties.iter().map(|property| property.name.clone()).collect();
+    let gather = Gather::new(Layout::by_xyz(&names, "vertex property")?);
+    body::read(&header, lines, gather)?.finish()
+}
+
+/// Write ascii with properties of type double.
+pub(super) fn write(points: &Points) -> Result<Vec<u8>, Fault> {
+    let mut text = format!("ply\nformat ascii 1.0\nelement vertex {}\n", points.len());
+    for name in column_names(points) {
+        text.push_str(&format!("property double {name}\n"));
+    }
+    text.push_str("end_header\n");
+    text.push_str(&rows(points, " ", ""));
+    Ok(text.into_bytes())
+}

@@ -1,0 +1,55 @@
+//! Point files, and silhouettes as point files, to [`cfpose::Points`] and back; pose files; pixels of a camera.
+//!
+//! [`read_points`] chooses the reader by the file's extension from the table [`FORMATS`]; [`write_points`] the writer.
+//! Adding a format takes one file in `formats/` and one line of that table.
+//!
+//! What holds for every reader:
+//!
+//! * Any content gives points or a [`FileError`] of one line: file, line or row, what is wrong, what to do. Nothing panics.
+//! * A header is a claim. Nothing is allocated for what it says: a file that claims 10^15 points and holds ten fails at
+//!   once, and memory is bounded by a small multiple of the file's size.
+//! * NaN and infinite values are bad input in every format, also where a format uses them to mark missing points.
+//! * A column or property named `w` is the weight of the point.
+//!
+//! The readers are written here rather than taken from the crates that exist for the formats, because those cannot keep
+//! these promises: `ply-rs-bw` 4 stores elements without properties as often as the header claims, and two properties
+//! of one name as one (every later binary row is then shifted); `npyz` 0.9 multiplies the claimed shape
+//! without a check and parses the header by unbounded recursion; `csv` 1.4 has one separator a file and blanks are not
+//! one. The tests read what `ply-rs-bw` and `npyz` write.
+//!
+//! ```
+//! use cfpose_vision::{ReadOptions, read_points, write_points};
+//! let path = std::env::temp_dir().join(format!("cfpose-doc-{}.csv", std::process::id()));
+//! std::fs::write(&path, "x, y, w\n0, 1, 1\n2, 3, 0.5\n")?;
+//! let file = read_points(&path, &ReadOptions::default())?;
+//! assert_eq!((file.points.len(), file.points.dim(), file.format), (2, 2, "text"));
+//! assert_eq!(file.points.weights(), [1.0, 0.5]);
+//! write_points(&path, &file.points)?;
+//! assert_eq!(read_points(&path, &ReadOptions::default())?.points, file.points);
+//!
+//! std::fs::write(&path, "0 1\n2\n")?;
+//! let error = read_points(&path, &ReadOptions::default()).unwrap_err().to_string();
+//! assert!(error.ends_with(".csv: line 2: 1 column, but the rows above have 2; give every row the same number of columns"));
+//! # std::fs::remove_file(&path)?;
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+
+mod camera;
+mod cursor;
+mod error;
+pub mod formats;
+mod fuzz;
+mod gather;
+mod poses;
+mod read;
+mod scalar;
+mod write;
+
+pub use camera::Camera;
+pub use error::{Fault, FileError, Flaw, Place};
+pub use formats::{FORMATS, Format};
+pub use fuzz::fuzz_one;
+pub use gather::PointTable;
+pub use poses::{PoseFormat, StampedPose, read_poses};
+pub use read::{Foreground, PointFile, ReadOptions, format_of, read_points};
+pub use write::write_points;

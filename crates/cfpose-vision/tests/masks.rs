@@ -1,0 +1,55 @@
+//! Which pixels of an image are its points.
+
+use cfpose_vision::{FORMATS, Foreground, PointTable, ReadOptions};
+use image::{DynamicImage, GrayImage, ImageFormat, Luma, Rgba, RgbaImage};
+
+fn read(bytes: &[u8], options: ReadOptions) -> Result<PointTable, String> {
+    let format = FORMATS.iter().find(|format| format.name == "mask").unwrap();
+    (format.read)(bytes, &options).map_err(|flaw| flaw.fault.to_string())
+}
+
+/// Return x and y of each point.
+fn pixels(image: impl Into<DynamicImage>, format: ImageFormat) -> Vec<[f64; 2]> {
+    let table = read(&encode(image, format), ReadOptions::default()).unwrap();
+    assert_eq!(table.columns, ["x", "y"]);
+    (0..table.points.len()).map(|k| [table.points.point(k)[0], table.points.point(k)[1]]).collect()
+}
+
+fn encode(image: impl Into<DynamicImage>, format: ImageFormat) -> Vec<u8> {
+    let mut bytes = std::io::Cursor::new(Vec::new());
+    image.into().write_to(&mut bytes, format).unwrap();
+    bytes.into_inner()
+}
+
+#[test]
+fn a_mask_gives_the_pixels_that_its_border_is_not() {
+    let inside = |x: u32, y: u32| (2..5).contains(&x) && (1..3).contains(&y);
+    let expected: Vec<[f64; 2]> = (1..3).flat_map(|y| (2..5).map(move |x| [f64::from(x), f64::from(y)])).collect();
+    let grey = |inner: u8, outer: u8| GrayImage::from_fn(8, 6, |x, y| Luma([if inside(x, y) { inner } else { outer }]));
+    for (inner, outer) in [(255, 0), (0, 255), (128, 127), (127, 128)] {
+        assert_eq!(pixels(grey(inner, outer), ImageFormat::Png), expected);
+    }
+    // Where opacity varies, it is the mask, whatever the colours.
+    let opaque = RgbaImage::from_fn(8, 6, |x, y| Rgba([9, 9, 9, if inside(x, y) { 255 } else { 0 }]));
+    assert_eq!(pixels(opaque, ImageFormat::Png), expected);
+    let coloured = RgbaImage::from_fn(8, 6, |x, y| Rgba(if inside(x, y) { [255, 255, 0, 80] } else { [0, 0, 99, 80] }));
+    assert_eq!(pixels(coloured, ImageFormat::Png), expected);
+    // A block of JPEG is constant here, so its loss moves no pixel across the threshold.
+    let block = GrayImage::from_fn(32, 24, |x, y| Luma([if x / 8 == 1 && y / 8 == 1 { 250 } else { 5 }]));
+    let jpeg = pixels(block, ImageFormat::Jpeg);
+    assert_eq!((jpeg.len(), jpeg[0], jpeg[63]), (64, [8.0, 8.0], [15.0, 15.0]));
+}
+
+#[test]
+fn options_override_the_rule_of_masks() {
+    let bytes = encode(GrayImage::from_fn(5, 4, |x, _| Luma([50 * x as u8])), ImageFormat::Png);
+    let count = |options: ReadOptions| read(&bytes, options).map(|table| table.points.len());
+    let default = ReadOptions::default();
+    assert_eq!(count(ReadOptions { foreground: Foreground::Bright, ..default }).unwrap(), 8);
+    assert_eq!(count(ReadOptions { foreground: Foreground::Dark, ..default }).unwrap(), 12);
+    assert_eq!(count(ReadOptions { foreground: Foreground::Bright, threshold: 49, ..default }).unwrap(), 16);
+    assert_eq!(count(default).unwrap(), 8, "6 of the 14 pixels on the border are bright");
+    let none = count(ReadOptions { foreground: Foreground::Bright, threshold: 255, ..default }).unwrap_err();
+    let message = "no pixel is foreground, that is above grey 255; choose the other side or another threshold";
+    assert_eq!(none, message);
+}

@@ -1,0 +1,34 @@
+//! The table of feature families. A new family is one file here and one line in [`ALL`].
+
+mod angular;
+mod chebyshev;
+mod coordinates;
+mod fourier;
+mod hermite;
+mod legendre;
+mod monomial;
+pub mod orthonormalised;
+pub mod polynomial;
+pub mod quadrature_blur;
+mod random_fourier;
+mod rbf;
+mod trig;
+mod trig18;
+
+use crate::family::FamilyEntry;
+
+/// All families of the library.
+pub const ALL: &[&FamilyEntry] = &[
+    &coordinates::ENTRY,
+    &monomial::ENTRY,
+    &trig18::ENTRY,
+    &orthonormalised::ENTRY,
+    &hermite::ENTRY,
+    &legendre::ENTRY,
+    &chebyshev::ENTRY,
+    &fourier::ENTRY,
+    &random_fourier::ENTRY,
+    &rbf::ENTRY,
+    &angular::ENTRY,
+    &quadrature_blur::ENTRY,
+];

@@ -1,0 +1,208 @@
+//! What an author of a feature family writes, and its erased form.
+
+use num_dual::HyperDual64;
+
+use crate::block::{MapBlock, Row};
+use crate::entry::{BuildContext, BuildError, ParameterSpec, Parameters};
+use crate::isa::Isa;
+use crate::scalar::Scalar;
+
+mod concatenated;
+mod erased;
+
+pub use concatenated::Concatenated;
+pub use erased::{General, Separable};
+
+/// A family of feature functions f = C * basis(x) over a feature space of 1, 2 or 3 dimensions.
+///
+/// Derivatives come from automatic differentiation. Mark `basis` `#[inline(always)]` and write plain index loops.
+pub trait Family: Send + Sync + 'static {
+    /// Return the number of basis functions in `dim` dimensions.
+    fn num_basis(&self, dim: usize) -> usize;
+
+    /// Write the basis functions at `x`; `out` holds exactly `num_basis(D)` entries.
+    fn basis<S: Scalar, const D: usize>(&self, x: [S; D], out: &mut [S]);
+
+    /// Return C (features x basis, row by row), applied once to the sums; `None` means the basis functions are the features.
+    fn coefficients(&self, _dim: usize) -> Option<Vec<f64>> {
+        None
+    }
+
+    /// Replace means of the basis over points by means over points with Gaussian noise of the given covariance (upper
+    /// triangle row by row, `dim (dim + 1) / 2` entries); return false where there is no closed form.
+    fn blur<S: Scalar>(&self, _dim: usize, _covariance: &[S], _means: &mut [S]) -> bool {
+        false
+    }
+
+    /// Say whether the family exists in `dim` dimensions.
+    fn supports(&self, _dim: usize) -> bool {
+        true
+    }
+
+    /// Return the exponents of the basis where it is made of monomials: data for the moment path. Each monomial comes after
+    /// all its divisors.
+    fn monomials(&self, _dim: usize) -> Option<&[[usize; 3]]> {
+        None
+    }
+}
+
+/// A family that applies the same one-dimensional functions to each coordinate.
+///
+/// Features are ordered by function, the coordinate index fastest, as the paper prints `trig18`.
+pub trait SeparableFamily: Send + Sync + 'static {
+    /// Return the number of basis functions of one coordinate.
+    fn num_basis(&self) -> usize;
+
+    /// Write the basis functions of one coordinate; `out` holds exactly `num_basis()` entries.
+    fn basis<S: Scalar>(&self, x: S, out: &mut [S]);
+
+    /// Return C of one coordinate (functions x basis, row by row); `None` means the identity.
+    fn coefficients(&self) -> Option<Vec<f64>> {
+        None
+    }
+
+    /// As [`Family::blur`], for one coordinate with noise of the given variance.
+    fn blur<S: Scalar>(&self, _variance: S, _means: &mut [S]) -> bool {
+        false
+    }
+}
+
+/// A run of basis functions whose gradients are stored in one layout.
+///
+/// Values always take one row a function. Separable runs have function `q * num_per_coordinate + i` for coordinate q and store
+/// one gradient row a function, d/dx_q; others store `dim` gradient rows a function, row `i * dim + q`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Segment {
+    /// Number of basis functions.
+    pub num_basis: usize,
+    /// Number of basis functions per coordinate of a separable run.
+    pub per_coordinate: Option<usize>,
+}
+
+impl Segment {
+    /// Return the number of gradient rows in `dim` dimensions.
+    pub fn num_gradient_rows(&self, dim: usize) -> usize {
+        if self.per_coordinate.is_some() { self.num_basis } else { self.num_basis * dim }
+    }
+}
+
+/// Values and gradients of the basis functions over one block, laid out by the family's [`Segment`]s.
+pub struct BasisBlock {
+    /// Basis values.
+    pub value: Vec<Row>,
+    /// Basis derivatives with respect to the feature coordinates; empty when none are wanted.
+    pub gradient: Vec<Row>,
+    /// Runs of functions, in order.
+    pub segments: Vec<Segment>,
+}
+
+impl BasisBlock {
+    /// Make a block for a family in `dim` dimensions.
+    pub fn new(family: &dyn DynFamily, dim: usize, gradients: bool) -> Self {
+        let segments = family.segments(dim);
+        let rows = if gradients { segments.iter().map(|s| s.num_gradient_rows(dim)).sum() } else { 0 };
+        Self { value: vec![Row::ZERO; family.num_basis(dim)], gradient: vec![Row::ZERO; rows], segments }
+    }
+
+    /// Borrow all rows.
+    pub fn rows(&mut self) -> BasisRows<'_> {
+        BasisRows { value: &mut self.value, gradient: &mut self.gradient }
+    }
+}
+
+/// The rows of a [`BasisBlock`], or of the part of it that belongs to one family.
+pub struct BasisRows<'a> {
+    /// Basis values.
+    pub value: &'a mut [Row],
+    /// Basis derivatives; empty when none are wanted.
+    pub gradient: &'a mut [Row],
+}
+
+impl<'a> BasisRows<'a> {
+    /// Split off the rows of the functions of `family`, which come first; returns them and the rest.
+    pub fn split(self, family: &dyn DynFamily, dim: usize) -> (Self, Self) {
+        let slopes: usize = family.segments(dim).iter().map(|s| s.num_gradient_rows(dim)).sum();
+        let (value, value_rest) = self.value.split_at_mut(family.num_basis(dim));
+        let (gradient, gradient_rest) = self.gradient.split_at_mut(slopes.min(self.gradient.len()));
+        (Self { value, gradient }, Self { value: value_rest, gradient: gradient_rest })
+    }
+}
+
+/// A feature family, erased. Implemented by [`General`] and [`Separable`] for every author type, and by [`Concatenated`].
+pub trait DynFamily: Send + Sync {
+    /// Say whether the family exists in `dim` dimensions.
+    fn supports(&self, dim: usize) -> bool;
+
+    /// Return the number of basis functions.
+    fn num_basis(&self, dim: usize) -> usize;
+
+    /// Return the number of basis functions per coordinate of a separable family.
+    fn per_coordinate(&self) -> Option<usize>;
+
+    /// Return how the rows of the basis are laid out; one run unless the family is made of several.
+    fn segments(&self, dim: usize) -> Vec<Segment> {
+        vec![Segment { num_basis: self.num_basis(dim), per_coordinate: self.per_coordinate() }]
+    }
+
+    /// Return C (features x basis, row by row); `None` means the identity.
+    fn coefficients(&self, dim: usize) -> Option<Vec<f64>>;
+
+    /// Write values, and gradients when `out` has room for them, at the points of a block.
+    fn block(&self, isa: Isa, points: &MapBlock, out: BasisRows<'_>);
+
+    /// Write the basis values at one point (`x.len()` is the dimension).
+    fn values(&self, x: &[f64], out: &mut [f64]);
+
+    /// Write the basis values at one point over second-order duals.
+    fn hyper(&self, x: &[HyperDual64], out: &mut [HyperDual64]);
+
+    /// Blur basis means over second-order duals, as [`Family::blur`].
+    fn blur_hyper(&self, dim: usize, covariance: &[HyperDual64], means: &mut [HyperDual64]) -> bool;
+
+    /// Return the exponents of a basis of monomials, as [`Family::monomials`].
+    fn monomials(&self, _dim: usize) -> Option<&[[usize; 3]]> {
+        None
+    }
+
+    /// Return the number of features.
+    fn num_features(&self, dim: usize) -> usize {
+        let num_basis = self.num_basis(dim);
+        self.coefficients(dim).map_or(num_basis, |c| c.len() / num_basis)
+    }
+
+    /// Return all features at one point.
+    fn features(&self, x: &[f64]) -> Vec<f64> {
+        let num_basis = self.num_basis(x.len());
+        let mut basis = vec![0.0; num_basis];
+        self.values(x, &mut basis);
+        match self.coefficients(x.len()) {
+            None => basis,
+            Some(c) => c.chunks_exact(num_basis).map(|row| row.iter().zip(&basis).map(|(a, b)| a * b).sum()).collect(),
+        }
+    }
+}
+
+/// Build a family from its parameters and the context.
+pub type BuildFamily = fn(&Parameters, &BuildContext<'_>) -> Result<Box<dyn DynFamily>, BuildError>;
+
+/// One line of the family table.
+pub struct FamilyEntry {
+    /// Name, kebab-case, equal to its file name.
+    pub name: &'static str,
+    /// One line for lists.
+    pub summary: &'static str,
+    /// Parameters with defaults.
+    pub parameters: &'static [ParameterSpec],
+    /// Paper equation or reference.
+    pub source: &'static str,
+    /// Markdown for the generated reference page: formula, order of the functions, when to use it.
+    pub details: &'static str,
+    /// Build the family.
+    pub build: BuildFamily,
+}
+
+impl std::fmt::Debug for FamilyEntry {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "FamilyEntry({})", self.name)
+    }
+}

@@ -1,0 +1,66 @@
+//! Correspondence-free pose estimation by matching means of feature functions.
+//!
+//! Given two point sets and no matches between them, find theta with h(p_k, theta) = q_c(k) for an unknown c by matching
+//! means of feature functions: sums do not care about order (Quan and Dai, arXiv 2503.00051).
+//!
+//! * [`model`]: what an author of a transformation writes; [`models`]: the table.
+//! * [`family`]: what an author of feature functions writes; [`families`]: the table.
+//! * [`means`]: the hot loop; [`problem`]: residual and Jacobian; [`estimator`]: from names to an estimate.
+//! * [`entry::Registry`]: add your own entries and use every tool with them.
+//!
+//! The library opens no file, reads no clock, starts no thread and has no global state.
+
+pub mod block;
+pub mod check;
+pub mod conditioning;
+pub mod coverage;
+pub mod entry;
+pub mod error;
+pub mod estimator;
+pub mod families;
+pub mod family;
+pub mod free;
+pub mod gram;
+pub mod homography;
+pub mod isa;
+pub mod jet;
+pub mod lane;
+mod linalg;
+pub mod means;
+pub mod model;
+pub mod models;
+pub mod moments;
+pub mod normalise;
+pub mod points;
+pub mod pose;
+pub mod problem;
+pub mod readout;
+pub mod scalar;
+pub mod start;
+pub mod theta;
+pub mod weighting;
+
+pub use entry::{BuildContext, BuildError, Registry};
+pub use error::Error;
+pub use estimator::{Estimate, Prepared, Settings, Start, Supervision, Verdict, estimate};
+pub use family::{Family, FamilyEntry, SeparableFamily};
+pub use isa::Isa;
+pub use jet::Jet;
+pub use lane::Lane;
+pub use means::Execution;
+pub use model::{Findings, Map, Model, ModelEntry, PointMap, Scene};
+pub use points::{Attribute, Points, PointsError};
+pub use pose::{Pose, PoseError};
+pub use problem::MomentProblem;
+pub use scalar::Scalar;
+
+/// The walk-throughs of the documentation, compiled and run as tests.
+#[cfg(doctest)]
+mod walk_throughs {
+    #[doc = include_str!("../../../docs/adding/model.md")]
+    struct Model;
+    #[doc = include_str!("../../../README.md")]
+    struct Readme;
+    #[doc = include_str!("../../../docs/adding/family.md")]
+    struct Family;
+}

@@ -1,0 +1,328 @@
+//! What an author of a transformation model writes, and the model that programs use.
+
+use std::sync::Arc;
+
+use crate::block::{DynMap, Factored, General};
+use crate::entry::{BuildContext, BuildError, ParameterSpec, Parameters};
+use crate::points::Points;
+use crate::problem::DynRows;
+use crate::scalar::Scalar;
+use crate::theta::Layout;
+
+/// One side of the equation in factored form, `x = project(A(theta) * lift(p) + b(theta))`.
+///
+/// `POINT` is the dimension of the points, `ROWS` the number of rows of A, `DIM` the dimension of the feature space (1 to 3).
+/// Nothing else is needed: Jacobians and Hessians come from automatic differentiation through these functions.
+/// Mark `project` and `density` `#[inline(always)]` and write plain index loops there: they run once per point on lanes.
+pub trait Map<const POINT: usize, const ROWS: usize, const DIM: usize>: Send + Sync + 'static {
+    /// Whether `project` returns the first `DIM` of its `ROWS` arguments unchanged: data for the fast paths.
+    const PROJECTION_IS_IDENTITY: bool = false;
+
+    /// Return the length of a lifted point.
+    fn lift_len(&self) -> usize {
+        POINT
+    }
+
+    /// Write the lifted point: independent of theta, run once per point set. Identity by default.
+    fn lift(&self, point: [f64; POINT], out: &mut [f64]) {
+        out.copy_from_slice(&point);
+    }
+
+    /// Name of the vector attribute (3 numbers a point) that [`Map::lift_with`] reads; none by default.
+    fn attribute(&self) -> Option<&'static str> {
+        None
+    }
+
+    /// Write the lifted point of a map that reads an attribute; [`Map::lift`] by default.
+    fn lift_with(&self, point: [f64; POINT], _attribute: [f64; 3], out: &mut [f64]) {
+        self.lift(point, out);
+    }
+
+    /// Write A (`ROWS` x lift_len, row by row) and b (`ROWS`) from ambient theta; both arrive filled with zeros.
+    fn affine<S: Scalar>(&self, theta: &[S], a: &mut [S], b: &mut [S]);
+
+    /// Project into the feature space.
+    fn project<S: Scalar>(&self, y: [S; ROWS]) -> [S; DIM];
+
+    /// Return the area element that multiplies a point's weight (method.md, section 6), `None` where it is constant.
+    fn density<S: Scalar>(&self, _y: [S; ROWS]) -> Option<S> {
+        None
+    }
+}
+
+/// One side of the equation in fully general form: any function of theta and the point.
+///
+/// About four times slower than a [`Map`], since theta's derivatives run through every point.
+pub trait PointMap<const POINT: usize, const DIM: usize>: Send + Sync + 'static {
+    /// Map a point into the feature space.
+    fn map<S: Scalar>(&self, theta: &[S], point: [S; POINT]) -> [S; DIM];
+
+    /// Return the area element that multiplies a point's weight, `None` where it is constant.
+    fn density<S: Scalar>(&self, _theta: &[S], _point: [S; POINT]) -> Option<S> {
+        None
+    }
+}
+
+/// The identity map of dimension D: the target side of most models.
+#[derive(Debug, Clone, Copy)]
+pub struct Identity;
+
+impl<const D: usize> Map<D, D, D> for Identity {
+    const PROJECTION_IS_IDENTITY: bool = true;
+    fn affine<S: Scalar>(&self, theta: &[S], a: &mut [S], _b: &mut [S]) {
+        for i in 0..D {
+            a[i * D + i] = theta[0].constant(1.0);
+        }
+    }
+    #[inline(always)]
+    fn project<S: Scalar>(&self, y: [S; D]) -> [S; D] {
+        y
+    }
+}
+
+/// Normalise rays to unit norm: the target side m' / norm(m') of eq. `3dto2d`.
+#[derive(Debug, Clone, Copy)]
+pub struct UnitRay;
+
+impl Map<3, 3, 3> for UnitRay {
+    fn affine<S: Scalar>(&self, theta: &[S], a: &mut [S], b: &mut [S]) {
+        Map::<3, 3, 3>::affine(&Identity, theta, a, b);
+    }
+    #[inline(always)]
+    fn project<S: Scalar>(&self, y: [S; 3]) -> [S; 3] {
+        unit3(y)
+    }
+}
+
+/// Return y / norm(y).
+#[inline(always)]
+pub fn unit3<S: Scalar>(y: [S; 3]) -> [S; 3] {
+    let scale = (y[0] * y[0] + y[1] * y[1] + y[2] * y[2]).sqrt().recip();
+    [y[0] * scale, y[1] * scale, y[2] * scale]
+}
+
+/// The target side of a model.
+pub enum TargetSide {
+    /// g(q) does not depend on theta: its means are computed once.
+    Fixed(Box<dyn DynMap>),
+    /// g(q, theta) moves with theta (eq. `2dto2d`).
+    Moving(Box<dyn DynMap>),
+}
+
+/// Which point files a side accepts.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum PointKind {
+    /// Exactly this many coordinates.
+    Plain(usize),
+    /// Three coordinates, or two to which z = 1 is added (image or plane points).
+    Homogeneous,
+}
+
+/// A theta that was found, and the points on which it was found.
+pub struct Scene<'a> {
+    /// Ambient theta.
+    pub theta: &'a [f64],
+    /// Source points as the model takes them.
+    pub source: &'a Points,
+    /// Target points as the model takes them.
+    pub target: &'a Points,
+}
+
+/// What a model knows about a theta beyond its cost.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Findings {
+    /// A theta that explains the data equally well and is to be preferred: the canonical form, the scene in front.
+    pub theta: Option<Vec<f64>>,
+    /// Other thetas that may explain the data as well; whoever asks evaluates their cost.
+    pub candidates: Vec<Vec<f64>>,
+    /// The scene is behind the camera, seen from its back, or mirrored: a candidate of equal cost is preferred.
+    pub implausible: bool,
+    /// What is degenerate, undetermined or mirrored: one sentence each.
+    pub warnings: Vec<String>,
+}
+
+/// A model's own examination of a theta: sign ambiguities, mirror solutions, degenerate scenes.
+pub type Examine = Box<dyn Fn(&Scene<'_>) -> Findings + Send + Sync>;
+
+/// Write an affine map, A row by row and b, as ambient theta.
+pub type ThetaOfAffine = Box<dyn Fn(&[f64], &[f64]) -> Vec<f64> + Send + Sync>;
+
+/// Return the homography of a theta, row by row.
+pub type HomographyOf = fn(&[f64]) -> [f64; 9];
+
+/// Where the documented convergence holds: on clean, permuted points in general position.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Basin {
+    /// Feature family.
+    pub features: &'static str,
+    /// Norm of the tangent step from the truth to the start (radians, and source units for clouds of unit size).
+    pub distance: f64,
+}
+
+/// Which linear maps A a model x -> A x + b can take.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum LinearKind {
+    /// Rotations.
+    Rotation,
+    /// Rotations times a positive scale.
+    Similarity,
+    /// All matrices.
+    General,
+}
+
+/// The affine maps that a model contains: start strategies propose A and b and need not know its theta.
+pub struct LinearGroup {
+    /// Which A the model can take.
+    pub kind: LinearKind,
+    /// Dimension of x; homogeneous points have one coordinate more.
+    pub dim: usize,
+    /// Return ambient theta of A (row by row) and b; A is of the kind.
+    pub theta: ThetaOfAffine,
+}
+
+/// A built transformation model: the manifold of theta and two maps.
+pub struct Model {
+    /// Layout of theta and its manifold.
+    pub layout: Layout,
+    /// h(p, theta).
+    pub source: Box<dyn DynMap>,
+    /// g(q) or g(q, theta).
+    pub target: TargetSide,
+    /// Accepted source points.
+    pub source_points: PointKind,
+    /// Accepted target points.
+    pub target_points: PointKind,
+    /// Start of the strategy `identity`, ambient.
+    pub identity: Vec<f64>,
+    /// A generic theta far from every degenerate case, ambient: where checks and benches evaluate.
+    pub typical: Vec<f64>,
+    /// Normaliser that presets choose instead of their own, where the model needs one.
+    pub normaliser: Option<&'static str>,
+    /// Levenberg-Marquardt with the parameters that the model needs, used where the solver is named without any.
+    pub solver: Option<&'static str>,
+    /// The model's own examination of a theta; finds nothing by default.
+    pub examine: Examine,
+    /// Documented convergence.
+    pub basin: Basin,
+    /// The affine maps that the model contains.
+    pub linear: Option<LinearGroup>,
+    /// The homography (row by row, any scale) that a theta applies to points (x, y, 1) of the source, for models that do.
+    pub homography: Option<HomographyOf>,
+    /// Extra residual rows that belong to the model: bending energy.
+    pub regulariser: Option<Arc<dyn DynRows>>,
+    /// Equalities that theta must meet, for solvers with constraints: every row 0.
+    pub equality: Option<Arc<dyn DynRows>>,
+}
+
+impl Model {
+    /// Make a model whose target side is the target point itself.
+    pub fn new<const POINT: usize, const ROWS: usize, const DIM: usize>(
+        layout: Layout,
+        source: impl Map<POINT, ROWS, DIM>,
+    ) -> Self {
+        let target: Box<dyn DynMap> = match DIM {
+            1 => Box::new(Factored::<_, 1, 1, 1>::new(Identity)),
+            2 => Box::new(Factored::<_, 2, 2, 2>::new(Identity)),
+            _ => Box::new(Factored::<_, 3, 3, 3>::new(Identity)),
+        };
+        Self::from_sides(layout, Box::new(Factored::new(source)), TargetSide::Fixed(target))
+    }
+
+    /// Make a model in fully general form whose target side is the target point itself.
+    pub fn general<const POINT: usize, const DIM: usize>(layout: Layout, source: impl PointMap<POINT, DIM>) -> Self {
+        let target: Box<dyn DynMap> = match DIM {
+            1 => Box::new(Factored::<_, 1, 1, 1>::new(Identity)),
+            2 => Box::new(Factored::<_, 2, 2, 2>::new(Identity)),
+            _ => Box::new(Factored::<_, 3, 3, 3>::new(Identity)),
+        };
+        Self::from_sides(layout, Box::new(General::new(source)), TargetSide::Fixed(target))
+    }
+
+    /// Make a model from erased sides.
+    pub fn from_sides(layout: Layout, source: Box<dyn DynMap>, target: TargetSide) -> Self {
+        let (source_points, target_points) =
+            (PointKind::Plain(source.point_dim()), PointKind::Plain(target.map().point_dim()));
+        Self {
+            identity: layout.neutral(),
+            typical: layout.neutral(),
+            layout,
+            source,
+            target,
+            source_points,
+            target_points,
+            normaliser: None,
+            solver: None,
+            examine: Box::new(|_| Findings::default()),
+            basin: Basin { features: "hermite[degree=3]", distance: 0.1 },
+            linear: None,
+            homography: None,
+            regulariser: None,
+            equality: None,
+        }
+    }
+
+    /// Replace the target side by a fixed map.
+    #[must_use]
+    pub fn with_target<const POINT: usize, const ROWS: usize, const DIM: usize>(
+        mut self,
+        target: impl Map<POINT, ROWS, DIM>,
+    ) -> Self {
+        self.target = TargetSide::Fixed(Box::new(Factored::new(target)));
+        self.target_points = PointKind::Plain(POINT);
+        self
+    }
+
+    /// Replace the target side by a map that moves with theta.
+    #[must_use]
+    pub fn with_moving_target<const POINT: usize, const ROWS: usize, const DIM: usize>(
+        mut self,
+        target: impl Map<POINT, ROWS, DIM>,
+    ) -> Self {
+        self.target = TargetSide::Moving(Box::new(Factored::new(target)));
+        self.target_points = PointKind::Plain(POINT);
+        self
+    }
+
+    /// State which point files the sides accept.
+    #[must_use]
+    pub fn with_points(mut self, source: PointKind, target: PointKind) -> Self {
+        self.source_points = source;
+        self.target_points = target;
+        self
+    }
+
+    /// Return the dimension of the feature space.
+    pub fn dim(&self) -> usize {
+        self.source.dim()
+    }
+}
+
+impl TargetSide {
+    /// Return the map.
+    pub fn map(&self) -> &dyn DynMap {
+        match self {
+            TargetSide::Fixed(map) | TargetSide::Moving(map) => map.as_ref(),
+        }
+    }
+
+    /// Say whether the side moves with theta.
+    pub fn is_moving(&self) -> bool {
+        matches!(self, TargetSide::Moving(_))
+    }
+}
+
+/// One line of the model table.
+pub struct ModelEntry {
+    /// Name, kebab-case, equal to its file name.
+    pub name: &'static str,
+    /// One line for lists.
+    pub summary: &'static str,
+    /// Parameters with defaults.
+    pub parameters: &'static [ParameterSpec],
+    /// Paper equation or reference.
+    pub source: &'static str,
+    /// Markdown for the generated reference page: formula, theta with units, degenerate cases, distance from which it converges.
+    pub details: &'static str,
+    /// Build the model.
+    pub build: fn(&Parameters, &BuildContext<'_>) -> Result<Model, BuildError>,
+}
