@@ -91,7 +91,7 @@ pub fn differential_by_differences<M: Manifold + ?Sized>(manifold: &M, theta: &[
 }
 
 /// Return the norm of a vector.
-pub(crate) fn norm(v: &[f64]) -> f64 {
+pub fn norm(v: &[f64]) -> f64 {
     v.iter().map(|a| a * a).sum::<f64>().sqrt()
 }
 

@@ -15,9 +15,25 @@ use crate::model::{Model, PointKind};
 use crate::points::Points;
 use crate::problem::{Evaluation, MomentProblem, map_points};
 use crate::readout::{Correspondence, correspond, nearest_neighbours};
+use crate::robust::support::{Sampling, Support};
 use crate::start::StartContext;
+use crate::statistics::Statistics;
 
+mod auto;
+mod clusters;
+mod continuous;
+mod engine;
 mod judge;
+mod level;
+mod pipeline;
+mod repair;
+mod run;
+
+pub use engine::StageReport;
+pub use pipeline::{NoiseModel, Outliers, Pipeline, Stage};
+
+/// The word that leaves a choice to the preset.
+const AUTO: &str = "auto";
 
 /// Where a solve begins.
 #[derive(Debug, Clone, PartialEq)]
@@ -57,14 +73,18 @@ pub struct Settings {
     pub seed: u64,
     /// Stopping rules of the solver.
     pub stopping: Stopping,
+    /// How the two sets were sampled; `None` finds out by distances between the points, never from the residual.
+    pub sampling: Option<Sampling>,
+    /// Stages and what surrounds them; `None` leaves them to the preset and the model.
+    pub pipeline: Option<Pipeline>,
 }
 
 /// Names of the presets.
-pub const PRESETS: &[&str] = &["paper"];
+pub const PRESETS: &[&str] = &["auto", "paper"];
 
 impl Settings {
     /// Fill in a preset for a model. `paper` is exactly the printed method: `trig18`, normaliser `paper`, weighting
-    /// `identity`, Levenberg-Marquardt, one start.
+    /// `identity`, Levenberg-Marquardt, one start. `auto` leaves features, weighting and starts to the model's pipeline.
     ///
     /// # Errors
     /// [`Error::Build`] for an unknown preset, with suggestions.
@@ -77,18 +97,52 @@ impl Settings {
             })
             .into());
         }
+        let choose = |paper: &str| if preset == "auto" { AUTO.to_string() } else { paper.to_string() };
         Ok(Self {
             preset: preset.to_string(),
             model: model.to_string(),
-            features: "trig18".to_string(),
+            features: choose("trig18"),
             normaliser: None,
-            weighting: "identity".to_string(),
+            weighting: choose("identity"),
             solver: "levenberg-marquardt".to_string(),
-            start: Start::Named("identity".to_string()),
+            start: Start::Named(choose("identity")),
             free: None,
             seed: 0,
             stopping: Stopping::default(),
+            sampling: None,
+            pipeline: None,
         })
+    }
+
+    /// Return the theta that fixes the statistics of a target side that moves.
+    fn reference(&self, model: &Model) -> Vec<f64> {
+        match &self.start {
+            Start::Given(thetas) if !thetas.is_empty() => thetas[0].clone(),
+            _ => model.identity.clone(),
+        }
+    }
+
+    /// Choose the pipeline, put what was given beside the preset into its last stage, and fill in what the preset left open.
+    ///
+    /// `None` for a single solve without a statistic: the printed method and its variants.
+    fn resolve(&mut self, model: &Model) -> Option<Pipeline> {
+        let single =
+            || Pipeline::new(vec![Stage { iterations: self.stopping.max_iterations, ..Stage::new("only", AUTO) }]);
+        let mut pipeline = match &self.pipeline {
+            Some(pipeline) => pipeline.clone(),
+            None if self.preset == "auto" => auto::pipeline(model),
+            None if self.weighting == "identity" => return None,
+            None => single(),
+        };
+        let last = pipeline.stages.last_mut()?;
+        for (given, stage) in [(&mut self.features, &mut last.features), (&mut self.weighting, &mut last.weighting)] {
+            if given == AUTO { given.clone_from(stage) } else { stage.clone_from(given) }
+        }
+        match &self.normaliser {
+            None => self.normaliser.clone_from(&last.normaliser),
+            given => last.normaliser.clone_from(given),
+        }
+        Some(pipeline)
     }
 }
 
@@ -109,6 +163,10 @@ pub struct Prepared {
     /// Target points as the model takes them.
     pub target: Points,
     settings: Settings,
+    pipeline: Option<Pipeline>,
+    raw_source: Points,
+    raw_target: Points,
+    execution: Execution,
 }
 
 /// How sure one may be of an estimate.
@@ -165,6 +223,18 @@ pub struct Estimate {
     pub warnings: Vec<String>,
     /// Rank and conditioning of the Jacobian at theta.
     pub conditioning: Conditioning,
+    /// J statistic, covariance, noise; where the weighting has them.
+    pub statistics: Option<Statistics>,
+    /// Distances between the points at theta; where the pipeline looks at them.
+    pub support: Option<Support>,
+    /// Share of the target points that were left out as outliers.
+    pub clutter: Option<f64>,
+    /// Whether theta was refined by closest points.
+    pub refined: bool,
+    /// How the sets were sampled, given or found.
+    pub sampling: Option<&'static str>,
+    /// What each stage of the pipeline did; empty for a single solve.
+    pub stages: Vec<StageReport>,
 }
 
 impl Estimate {
@@ -217,8 +287,15 @@ impl Prepared {
         target: &Points,
         execution: &Execution,
     ) -> Result<Self, Error> {
-        let context = BuildContext { seed: settings.seed, source: Some(source), ..BuildContext::default() };
-        let model = Arc::new(registry.model(&settings.model, &context)?);
+        let (raw_source, raw_target) = (source.clone(), target.clone());
+        let context = BuildContext { seed: settings.seed, source: Some(&raw_source), ..BuildContext::default() };
+        let mut model = Arc::new(registry.model(&settings.model, &context)?);
+        let mut settings = settings.clone();
+        let pipeline = settings.resolve(&model);
+        if let Some(variant) = pipeline.as_ref().and_then(|p| p.stages.last()).and_then(|stage| stage.model.as_deref())
+        {
+            model = Arc::new(registry.model(variant, &context)?);
+        }
         let source = adapt("source", &settings.model, model.source_points, source)?;
         let target = adapt("target", &settings.model, model.target_points, target)?;
         if let Some(name) = model.source.attribute().filter(|name| source.attribute(name).is_none()) {
@@ -227,10 +304,7 @@ impl Prepared {
         }
         let target_error = |problem| Error::Points { side: "target", problem };
         // The reference theta fixes the statistics of a target side that moves.
-        let reference = match &settings.start {
-            Start::Given(thetas) if !thetas.is_empty() => thetas[0].clone(),
-            _ => model.identity.clone(),
-        };
+        let reference = settings.reference(&model);
         let lifted = model.target.map().lift(&target);
         let mapped = map_points(model.target.map(), &lifted, &reference, execution).map_err(target_error)?;
         let normaliser_name =
@@ -247,6 +321,8 @@ impl Prepared {
         registry.weighting(&settings.weighting)?;
         let starts = match &settings.start {
             Start::Given(thetas) => thetas.clone(),
+            // The pipeline searches for itself.
+            Start::Named(name) if name == AUTO && pipeline.is_some() => Vec::new(),
             Start::Named(name) => {
                 let cost = |theta: &[f64]| {
                     let mut residual = vec![0.0; problem.num_residuals()];
@@ -258,8 +334,21 @@ impl Prepared {
                 registry.start(name)?.starts(&context)?
             }
         };
-        let settings = settings.clone();
-        Ok(Self { problem, model, starts, normaliser: normaliser_name, transform, source, target, settings })
+        let (normaliser, execution) = (normaliser_name, execution.clone());
+        Ok(Self {
+            problem,
+            model,
+            starts,
+            normaliser,
+            transform,
+            source,
+            target,
+            settings,
+            pipeline,
+            raw_source,
+            raw_target,
+            execution,
+        })
     }
 
     /// Evaluate residual, Jacobian and feature means at one theta (ambient), without solving.
@@ -272,6 +361,9 @@ impl Prepared {
     /// # Errors
     /// [`Error`] for an unknown solver, fewer features than unknowns, or a start that is no theta; not converging is a status.
     pub fn solve(&self, registry: &Registry, mut supervision: Supervision<'_>) -> Result<Estimate, Error> {
+        if let Some(pipeline) = &self.pipeline {
+            return self.run(registry, pipeline, supervision);
+        }
         let solver = registry.solver(match (self.settings.solver.as_str(), self.model.solver) {
             ("levenberg-marquardt", Some(own)) => own,
             (given, _) => given,
@@ -310,6 +402,12 @@ impl Prepared {
             warnings: judged.warnings,
             conditioning: judged.conditioning,
             outcome: best,
+            statistics: None,
+            support: None,
+            clutter: None,
+            refined: false,
+            sampling: None,
+            stages: Vec::new(),
         })
     }
 
@@ -346,7 +444,12 @@ impl Prepared {
         self.problem.manifold().tangent()
     }
 
-    /// Return the settings.
+    /// Return the pipeline, `None` for a single solve.
+    pub fn pipeline(&self) -> Option<&Pipeline> {
+        self.pipeline.as_ref()
+    }
+
+    /// Return the settings; what the preset left open is filled in.
     pub fn settings(&self) -> &Settings {
         &self.settings
     }

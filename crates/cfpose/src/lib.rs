@@ -30,13 +30,16 @@ pub mod means;
 pub mod model;
 pub mod models;
 pub mod moments;
+mod neighbours;
 pub mod normalise;
 pub mod points;
 pub mod pose;
 pub mod problem;
 pub mod readout;
+pub mod robust;
 pub mod scalar;
 pub mod start;
+pub mod statistics;
 pub mod theta;
 pub mod weighting;
 

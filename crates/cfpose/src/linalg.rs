@@ -34,3 +34,13 @@ pub(crate) fn symmetric_eigen_any(n: usize, entry: impl Fn(usize, usize) -> f64)
     let order = (0..n).rev();
     order.map(|column| (eigen.S()[column], (0..n).map(|i| eigen.U()[(i, column)]).collect())).unzip()
 }
+
+/// Return eigenvalues (descending) and unit eigenvectors of a symmetric 3 x 3 matrix: for many small ones, where the set-up
+/// of a general routine costs more than the work.
+pub(crate) fn symmetric_eigen3(matrix: &[[f64; 3]; 3]) -> ([f64; 3], [[f64; 3]; 3]) {
+    let eigen = nalgebra::Matrix3::from_fn(|i, j| matrix[i][j]).symmetric_eigen();
+    let mut order = [0, 1, 2];
+    order.sort_by(|a, b| eigen.eigenvalues[*b].total_cmp(&eigen.eigenvalues[*a]));
+    let column = |k: usize| std::array::from_fn(|i| eigen.eigenvectors[(i, k)]);
+    (order.map(|k| eigen.eigenvalues[k]), order.map(column))
+}

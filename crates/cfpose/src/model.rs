@@ -180,6 +180,15 @@ pub struct LinearGroup {
     pub theta: ThetaOfAffine,
 }
 
+/// Names of the two relations of a projective model; both have the same theta.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Relations {
+    /// Rays on the unit sphere: smooth everywhere, a wide basin.
+    pub sphere: String,
+    /// The image plane: noise of image points is additive there.
+    pub plane: String,
+}
+
 /// A built transformation model: the manifold of theta and two maps.
 pub struct Model {
     /// Layout of theta and its manifold.
@@ -210,6 +219,8 @@ pub struct Model {
     pub homography: Option<HomographyOf>,
     /// Extra residual rows that belong to the model: bending energy.
     pub regulariser: Option<Arc<dyn DynRows>>,
+    /// The two relations of a projective model, as names with parameters: the estimator moves from one to the other.
+    pub relations: Option<Relations>,
     /// Equalities that theta must meet, for solvers with constraints: every row 0.
     pub equality: Option<Arc<dyn DynRows>>,
 }
@@ -257,6 +268,7 @@ impl Model {
             linear: None,
             homography: None,
             regulariser: None,
+            relations: None,
             equality: None,
         }
     }

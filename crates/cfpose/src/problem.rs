@@ -222,6 +222,31 @@ impl MomentProblem {
         self
     }
 
+    /// Replace the square root of W, as [`MomentProblem::with_whitening`].
+    pub fn set_whitening(&mut self, whitening: Option<Vec<f64>>) {
+        self.whitening = whitening;
+    }
+
+    /// Return the square root of W that the residual was multiplied by, `None` for the identity.
+    pub(crate) fn whitening(&self) -> Option<&[f64]> {
+        self.whitening.as_deref()
+    }
+
+    /// Return the number of residuals before weighting, extra rows included.
+    pub(crate) fn num_unweighted(&self) -> usize {
+        self.num_feature_rows() + self.extra.iter().map(|rows| rows.num_rows()).sum::<usize>()
+    }
+
+    /// Return how the target's noise is modelled.
+    pub fn noise(&self) -> Noise {
+        self.noise
+    }
+
+    /// Return the instruction set of the sums.
+    pub(crate) fn isa(&self) -> crate::isa::Isa {
+        self.execution.isa
+    }
+
     /// Check that there are at least as many residuals as unknowns, which a solve needs and an evaluation does not.
     ///
     /// # Errors

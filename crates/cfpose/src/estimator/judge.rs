@@ -34,6 +34,15 @@ impl Prepared {
         findings
     }
 
+    /// Return what the model says about theta (its own part), and what the data determine there.
+    pub(super) fn examination(&self, theta: &[f64]) -> (Vec<String>, Conditioning) {
+        let findings = self.examine(theta);
+        let evaluation = self.problem.evaluate(theta);
+        let unknowns = self.problem.manifold().tangent();
+        let free = self.settings.free.as_deref();
+        (findings.warnings, observe(&evaluation.jacobian, unknowns, &self.model.layout, free, theta))
+    }
+
     /// Examine the best outcome against the other starts' outcomes.
     pub(super) fn judge(&self, best: &Outcome, others: impl Iterator<Item = Outcome>) -> Judged {
         if !best.usable() {

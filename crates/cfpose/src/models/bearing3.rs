@@ -5,7 +5,7 @@ use super::rigid3::{half_turned, pose_affine};
 use super::scene;
 use crate::block::Factored;
 use crate::entry::ParameterSpec;
-use crate::model::{Findings, Map, ModelEntry, PointKind, Scene, unit3};
+use crate::model::{Findings, Map, ModelEntry, PointKind, Relations, Scene, unit3};
 use crate::scalar::Scalar;
 use crate::theta::Layout;
 
@@ -128,12 +128,16 @@ pub(super) const ENTRY: ModelEntry = ModelEntry {
     source: "eq. 3dto2d",
     details: "h(M, theta) = (R M + T) / norm(R M + T) against m' / norm(m') (relation `sphere`), or the image points after perspective division (relation `plane`). theta: rotation vector (rad), translation (units of the source). The target holds image points (x, y) or rays (x, y, z). Degenerate when the camera centre lies in the cloud, or all rays are equal; a flat source has a mirrored tilt of nearly equal cost where perspective is weak. Converges from 0.1 (radians and source units at depth 2).",
     build: |parameters, _| {
-        let mut model = projective(Layout::pose3(), Posed, parameters, false, PointKind::Plain(3))?;
+        let mut model = projective("bearing3", Layout::pose3(), Posed, parameters, false, PointKind::Plain(3))?;
         if area_of(parameters)? {
             model.source = match model.dim() {
                 3 => Box::new(Factored::<_, 3, 6, 3>::new(Surface)),
                 _ => Box::new(Factored::<_, 3, 6, 2>::new(Surface)),
             };
+            model.relations = Some(Relations {
+                sphere: "bearing3[area=on]".to_string(),
+                plane: "bearing3[relation=plane,area=on]".to_string(),
+            });
         }
         model.typical[11] = 2.0; // the scene in front of the camera
         model.examine = Box::new(examine);

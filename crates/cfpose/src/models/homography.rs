@@ -50,7 +50,7 @@ pub(super) const ENTRY: ModelEntry = ModelEntry {
     build: |parameters, _| {
         let layout = Layout::new(&[("homography", "1", BlockKind::Direction(9))]);
         let area = area_of(parameters)?;
-        let mut model = projective(layout, Homography, parameters, area, PointKind::Homogeneous)?;
+        let mut model = projective("homography", layout, Homography, parameters, area, PointKind::Homogeneous)?;
         model.identity = of_affine(&[1.0, 0.0, 0.0, 1.0], &[0.0, 0.0]);
         model.typical = model.identity.clone();
         model.examine = Box::new(examine);

@@ -39,7 +39,7 @@ pub(super) const ENTRY: ModelEntry = ModelEntry {
         let layout =
             Layout::new(&[("rotation", "rad", BlockKind::Rotation), ("translation", "depths", BlockKind::Vector(3))]);
         let area = area_of(parameters)?;
-        let mut model = projective(layout, Posed, parameters, area, PointKind::Homogeneous)?;
+        let mut model = projective("plane-bearing", layout, Posed, parameters, area, PointKind::Homogeneous)?;
         model.examine = Box::new(examine);
         model.homography = Some(|theta| {
             // P = (x, y, 1), so R P + T_bar = (R + T_bar e3') P.

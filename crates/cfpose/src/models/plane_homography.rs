@@ -73,7 +73,7 @@ pub(super) const ENTRY: ModelEntry = ModelEntry {
             ("normal", "1", BlockKind::Direction(3)),
         ]);
         let area = area_of(parameters)?;
-        let mut model = projective(layout, PlaneInduced, parameters, area, PointKind::Homogeneous)?;
+        let mut model = projective("plane-homography", layout, PlaneInduced, parameters, area, PointKind::Homogeneous)?;
         // The plane z = d, seen frontally.
         model.identity[12..].copy_from_slice(&[0.0, 0.0, 1.0]);
         model.typical = model.identity.clone();

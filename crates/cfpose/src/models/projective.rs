@@ -2,7 +2,7 @@
 
 use crate::block::Factored;
 use crate::entry::{EntryError, ParameterSpec, Parameters};
-use crate::model::{Map, Model, PointKind, TargetSide, UnitRay, unit3};
+use crate::model::{Map, Model, PointKind, Relations, TargetSide, UnitRay, unit3};
 use crate::scalar::Scalar;
 use crate::theta::Layout;
 
@@ -113,8 +113,9 @@ pub(super) fn area_of(parameters: &Parameters) -> Result<bool, EntryError> {
     parameters.choice("area", &[("off", false), ("on", true)])
 }
 
-/// Build a projective model from its linear part and the parameters `relation` and, where declared, `area`.
+/// Build the projective model `name` from its linear part and the parameters `relation` and, where declared, `area`.
 pub(super) fn projective<L: Linear>(
+    name: &str,
     layout: Layout,
     linear: L,
     parameters: &Parameters,
@@ -130,5 +131,11 @@ pub(super) fn projective<L: Linear>(
             Model::from_sides(layout, source, TargetSide::Fixed(Box::new(Factored::new(target))))
         }
     };
-    Ok(model.with_points(source, PointKind::Homogeneous))
+    let variant = |relation: &str| match area {
+        true => format!("{name}[relation={relation},area=on]"),
+        false => format!("{name}[relation={relation}]"),
+    };
+    let mut model = model.with_points(source, PointKind::Homogeneous);
+    model.relations = Some(Relations { sphere: variant("sphere"), plane: variant("plane") });
+    Ok(model)
 }

@@ -59,7 +59,19 @@ impl MomentProblem {
         theta: &[f64],
         derivatives: bool,
         execution: &Execution,
+        means: Option<&mut FeatureMeans>,
+    ) -> (Vec<f64>, Vec<f64>) {
+        self.rows_with(theta, derivatives, execution, means, self.whitening.as_deref())
+    }
+
+    /// Return residual and Jacobian under a weighting.
+    fn rows_with(
+        &self,
+        theta: &[f64],
+        derivatives: bool,
+        execution: &Execution,
         mut means: Option<&mut FeatureMeans>,
+        whitening: Option<&[f64]>,
     ) -> (Vec<f64>, Vec<f64>) {
         let tangent = if derivatives { self.manifold.tangent() } else { 0 };
         let mut basis = vec![0.0; self.manifold.ambient() * tangent];
@@ -92,13 +104,18 @@ impl MomentProblem {
             self.to_features(&source.values, 1, &mut residual);
             self.to_features(&source.jacobian, tangent, &mut jacobian);
         }
-        if let Some(whitening) = &self.whitening {
+        if let Some(whitening) = whitening {
             let num_rows = residual.len();
             jacobian = multiply(whitening, &jacobian, num_rows, tangent);
             residual = multiply(whitening, &residual, num_rows, 1);
         }
         self.extra_rows(model_theta, model_basis, tangent, &mut residual, &mut jacobian);
         (residual, jacobian)
+    }
+
+    /// Return the residual without weighting and, where wanted, its Jacobian.
+    pub(crate) fn unweighted(&self, theta: &[f64], derivatives: bool) -> (Vec<f64>, Vec<f64>) {
+        self.rows_with(theta, derivatives, &self.execution, None, None)
     }
 
     /// Append the extra rows.
@@ -116,7 +133,7 @@ impl MomentProblem {
     }
 
     /// Append C times basis rows of `width` columns.
-    fn to_features(&self, rows: &[f64], width: usize, out: &mut Vec<f64>) {
+    pub(crate) fn to_features(&self, rows: &[f64], width: usize, out: &mut Vec<f64>) {
         match &self.coefficients {
             None => out.extend_from_slice(rows),
             Some(c) => c.apply(rows, width, out),

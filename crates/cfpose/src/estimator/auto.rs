@@ -1,0 +1,113 @@
+//! The preset `auto`: the pipeline of a model, from what the model says about itself.
+
+use super::pipeline::{NoiseModel, Outliers, Pipeline, Stage};
+use crate::model::{LinearKind, Model, Relations};
+use crate::theta::BlockKind;
+
+/// Points of each side in the annealed stages: enough for a start of the next stage.
+const COARSE_POINTS: usize = 800;
+
+/// Weighting of the last stage.
+const WEIGHTED: &str = "two-step";
+
+/// Return the pipeline of a model.
+///
+/// * A model with an image-plane variant: annealed waves on the unit sphere, then the image plane, where noise is additive.
+/// * A fixed target in a space where noise is additive: annealed waves, noise as a parameter, the weighted stage.
+/// * Everything else: the features of the model's documented basin from its start strategy, no statistic.
+pub(super) fn pipeline(model: &Model) -> Pipeline {
+    if let Some(relations) = &model.relations {
+        return projective(relations);
+    }
+    let facts = model.source.factored();
+    let additive = !model.target.is_moving() && facts.is_some_and(|facts| facts.identity_projection);
+    if additive && model.normaliser.is_none() { direct(model) } else { plain(model) }
+}
+
+/// Coarse-to-fine waves: a wide basin first, then accuracy (method.md, section 7, step 2).
+fn annealed(dim: usize) -> Vec<Stage> {
+    let levels: &[(usize, f64)] =
+        if dim == 3 { &[(1, 0.0), (2, 0.8), (3, 0.6), (4, 0.3)] } else { &[(1, 0.0), (2, 0.8), (3, 0.4)] };
+    let stage = |(k, damping): &(usize, f64)| Stage {
+        iterations: 20,
+        source_points: COARSE_POINTS / 2,
+        target_points: COARSE_POINTS,
+        ..Stage::new(&format!("waves-{k}"), &format!("fourier[k={k},w0=1.2,damping={damping}]"))
+    };
+    levels.iter().map(stage).collect()
+}
+
+/// Rays: method.md, section 7.
+fn projective(relations: &Relations) -> Pipeline {
+    let mut stages = annealed(3);
+    stages.iter_mut().for_each(|stage| stage.model = Some(relations.sphere.clone()));
+    if let Some(last) = stages.last_mut() {
+        last.gate = true;
+    }
+    let on_plane = |stage: Stage| Stage { model: Some(relations.plane.clone()), noise: NoiseModel::Isotropic, ..stage };
+    stages.push(on_plane(Stage {
+        source_points: COARSE_POINTS,
+        ..Stage::new("noise", "fourier[k=3,w0=1.5,damping=0.4]")
+    }));
+    stages.push(on_plane(Stage {
+        source_points: COARSE_POINTS,
+        weighting: WEIGHTED.to_string(),
+        gate: true,
+        ..Stage::new("weighted", "fourier[k=4,w0=1.5]")
+    }));
+    Pipeline {
+        restarts: 6,
+        global_start: Some("grid[count=300]".to_string()),
+        screening_stages: 2,
+        keep: 8,
+        support: true,
+        outliers: Outliers::Mixture,
+        refine_below: 0.005,
+        overlap: true,
+        ..Pipeline::new(stages)
+    }
+}
+
+/// Maps of the plane or of space onto itself.
+fn direct(model: &Model) -> Pipeline {
+    let dim = model.dim();
+    if dim == 1 || model.linear.is_none() {
+        return plain(model);
+    }
+    let global = match model.linear.as_ref().map(|group| group.kind) {
+        Some(LinearKind::General) => "whitened-affine",
+        Some(_) => "pca",
+        None => "identity",
+    };
+    let stages = vec![
+        Stage {
+            iterations: 20,
+            source_points: COARSE_POINTS,
+            target_points: 2 * COARSE_POINTS,
+            ..Stage::new("waves", "fourier[k=2,w0=1.2,damping=0.4]")
+        },
+        Stage {
+            noise: NoiseModel::Isotropic,
+            weighting: WEIGHTED.to_string(),
+            ..Stage::new("weighted", if dim == 3 { "fourier[k=2,w0=1.5]" } else { "fourier[k=4,w0=1.5]" })
+        },
+    ];
+    Pipeline {
+        restarts: 0,
+        global_start: Some(global.to_string()),
+        screening_stages: 1,
+        keep: 4,
+        support: true,
+        outliers: Outliers::Trimmed,
+        refine_below: 0.005,
+        overlap: true,
+        ..Pipeline::new(stages)
+    }
+}
+
+/// Models without additive noise: their own features, the identity weighting, no statistic.
+fn plain(model: &Model) -> Pipeline {
+    let rotates = model.layout.blocks().iter().any(|block| matches!(block.kind, BlockKind::Rotation));
+    let global = if model.linear.is_some() || !rotates { None } else { Some("grid[count=72,keep=8]".to_string()) };
+    Pipeline { global_start: global, ..Pipeline::new(vec![Stage::new("only", model.basin.features)]) }
+}

@@ -1,0 +1,339 @@
+//! A stage made ready: its problem on its points, its solver, its weighting.
+
+use std::sync::Arc;
+
+use cfpose_optim::manifold::Manifold;
+use cfpose_optim::problem::LeastSquares;
+use cfpose_optim::{Control, Outcome, Solver, Stopping};
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+
+use super::pipeline::Stage;
+use super::{Settings, Supervision, adapt};
+use crate::block::Transform;
+use crate::entry::{BuildContext, Registry};
+use crate::error::Error;
+use crate::means::Execution;
+use crate::model::Model;
+use crate::points::{Points, thin};
+use crate::problem::{MomentProblem, Noise, map_points};
+use crate::robust::support::{Sampling, Support};
+use crate::statistics::{self, Randomness, Statistics, feature_covariance};
+use crate::weighting::{Update, Weighting};
+
+/// Standard deviation of the noise, in normalised units, that a stage begins with.
+const FIRST_NOISE: f64 = 0.0125;
+/// Standard deviation, in normalised units, below which noise counts as this: identical sets would give S = 0.
+pub(super) const LEAST_NOISE: f64 = 0.00125;
+
+/// What every stage is built from.
+pub(super) struct Ingredients<'a> {
+    pub registry: &'a Registry,
+    pub settings: &'a Settings,
+    /// Points as the files hold them.
+    pub source: &'a Points,
+    pub target: &'a Points,
+    pub execution: &'a Execution,
+}
+
+/// A theta with its nuisance parameters after a stage.
+#[derive(Debug, Clone)]
+pub(super) struct Solved {
+    /// Ambient theta, nuisance parameters included.
+    pub theta: Vec<f64>,
+    pub outcome: Outcome,
+    pub evaluations: usize,
+    pub iterations: usize,
+    pub statistics: Option<Statistics>,
+    pub support: Option<Support>,
+    pub sampling: Option<Sampling>,
+}
+
+/// A stage, ready to be solved from many starts.
+pub(super) struct Level {
+    pub stage: Stage,
+    pub problem: MomentProblem,
+    pub model: Arc<Model>,
+    pub transform: Transform,
+    /// Source points of the stage, as the model takes them.
+    pub source: Points,
+    /// Target points of the stage, as the model takes them.
+    pub target: Points,
+    /// The same in the feature space, not normalised.
+    pub mapped_target: Points,
+    pub normaliser: String,
+    pub solver: Box<dyn Solver>,
+    pub weighting: Box<dyn Weighting>,
+    num_source: f64,
+    num_target: f64,
+    counts: [usize; 2],
+}
+
+impl Level {
+    /// Build the stage.
+    pub fn new(ingredients: &Ingredients<'_>, stage: &Stage) -> Result<Self, Error> {
+        let Ingredients { registry, settings, execution, .. } = *ingredients;
+        let spec = stage.model.as_deref().unwrap_or(&settings.model);
+        let context = BuildContext { seed: settings.seed, source: Some(ingredients.source), ..BuildContext::default() };
+        let model = Arc::new(registry.model(spec, &context)?);
+        let all_source = adapt("source", &settings.model, model.source_points, ingredients.source)?;
+        let all_target = adapt("target", &settings.model, model.target_points, ingredients.target)?;
+        let weighting = registry.weighting(&stage.weighting)?;
+        let exact = weighting.has_statistic() || Noise::from(stage.noise) != Noise::None;
+        let mut rng = ChaCha8Rng::seed_from_u64(settings.seed);
+        let points_error = |side| move |problem| Error::Points { side, problem };
+        // A random choice of points has a sampling error of its own: fine for a start, not for the statistics.
+        let mut choose = |side, points: &Points, limit: usize| {
+            let limit = if exact && !points.is_in_curve_order() { 0 } else { limit };
+            thin(points, limit, &mut rng).map_err(points_error(side))
+        };
+        let source = choose("source", &all_source, stage.source_points)?;
+        let target = choose("target", &all_target, stage.target_points)?;
+        // The reference theta fixes the statistics of a target side that moves.
+        let reference = settings.reference(&model);
+        let lifted = model.target.map().lift(&target);
+        let mapped_target =
+            map_points(model.target.map(), &lifted, &reference, execution).map_err(points_error("target"))?;
+        let normaliser = stage.normaliser.clone().unwrap_or_else(|| model.normaliser.unwrap_or("paper").to_string());
+        let transform = registry.normaliser(&normaliser)?.fit(&mapped_target)?;
+        let normalised = super::transform_points(&mapped_target, &transform).map_err(points_error("target"))?;
+        let context = BuildContext { dim: model.dim(), target: Some(&normalised), ..context };
+        let family = Arc::from(registry.family(&stage.features, &context)?);
+        let mut problem =
+            MomentProblem::new(Arc::clone(&model), family, transform, &source, &target, execution.clone())
+                .with_noise(stage.noise.into());
+        if let Some(free) = &settings.free {
+            problem = problem.with_model_manifold(Arc::new(crate::free::manifold(&model.layout, free)));
+        }
+        let solver_name = match (stage.solver.as_deref().unwrap_or(&settings.solver), model.solver) {
+            ("levenberg-marquardt", Some(own)) => own,
+            (given, _) => given,
+        };
+        let solver = registry.solver(solver_name)?;
+        problem.require_enough_features()?;
+        Ok(Self {
+            stage: stage.clone(),
+            problem,
+            transform,
+            mapped_target,
+            normaliser,
+            solver,
+            weighting,
+            num_source: effective(&all_source),
+            num_target: effective(&all_target),
+            counts: [all_target.len(), all_source.len()],
+            model,
+            source,
+            target,
+        })
+    }
+
+    /// Return the unweighted cost at theta of any stage.
+    pub fn cost(&self, theta: &[f64]) -> f64 {
+        let (residual, _) = self.problem.unweighted(&self.adopt(theta), false);
+        cfpose_optim::problem::half_squared_norm(&residual)
+    }
+
+    /// Return the ambient length of the model's own theta.
+    fn own(&self) -> usize {
+        self.model.layout.manifold().ambient()
+    }
+
+    /// Return the number of the model's own free tangent coordinates.
+    pub fn own_tangent(&self) -> usize {
+        self.problem.manifold().tangent() - self.num_nuisance()
+    }
+
+    fn num_nuisance(&self) -> usize {
+        self.problem.noise().num_parameters(self.model.dim())
+    }
+
+    /// Return the size of a normalised unit in the feature space.
+    pub fn unit(&self) -> f64 {
+        let matrix = self.transform.matrix();
+        let trace: f64 = (0..self.model.dim()).map(|d| matrix[d][d].abs()).sum();
+        self.model.dim() as f64 / trace
+    }
+
+    /// Take theta from another stage: its nuisance parameters serve where the numbers agree.
+    pub fn adopt(&self, theta: &[f64]) -> Vec<f64> {
+        let mut own = theta[..self.own()].to_vec();
+        let (needed, dim) = (self.num_nuisance(), self.model.dim());
+        let first = (FIRST_NOISE * self.unit()).powi(2);
+        let carried = &theta[self.own()..];
+        if carried.len() == needed {
+            own.extend_from_slice(carried);
+        } else if needed == 1 {
+            own.push(first);
+        } else if needed > 1 {
+            let variance = carried.first().copied().unwrap_or(first);
+            for a in 0..dim {
+                own.extend((a..dim).map(|b| if a == b { variance } else { 0.0 }));
+            }
+        }
+        own
+    }
+
+    /// Return the noise covariance at theta (nuisance parameters included), at least the floor; `None` where not modelled.
+    pub fn noise(&self, theta: &[f64]) -> Option<[[f64; 3]; 3]> {
+        let dim = self.model.dim();
+        let floor = (LEAST_NOISE * self.unit()).powi(2);
+        let nuisance = &theta[self.own()..];
+        let mut covariance = [[0.0; 3]; 3];
+        match self.problem.noise() {
+            Noise::None => return None,
+            Noise::Isotropic => (0..dim).for_each(|d| covariance[d][d] = nuisance[0].max(floor)),
+            Noise::Full => {
+                let mut next = 0;
+                for a in 0..dim {
+                    for b in a..dim {
+                        covariance[a][b] = nuisance[next];
+                        covariance[b][a] = nuisance[next];
+                        next += 1;
+                    }
+                }
+                (0..dim).for_each(|d| covariance[d][d] = covariance[d][d].max(floor));
+            }
+        }
+        Some(covariance)
+    }
+
+    /// Return the standard deviation of the noise in one coordinate, 0 where its variance is negative.
+    pub fn noise_sigma(&self, theta: &[f64]) -> Option<f64> {
+        let (dim, nuisance) = (self.model.dim(), &theta[self.own()..]);
+        match self.problem.noise() {
+            Noise::None => None,
+            Noise::Isotropic => Some(nuisance[0].max(0.0).sqrt()),
+            Noise::Full => {
+                let diagonal = |d: usize| nuisance[d * dim - d * d.saturating_sub(1) / 2];
+                Some((diagonal_mean(dim, diagonal)).max(0.0).sqrt())
+            }
+        }
+    }
+
+    /// Compare the points at theta.
+    pub fn support(&self, theta: &[f64]) -> Result<Support, Error> {
+        let source = self.problem.mapped_source(theta).map_err(|problem| Error::Points { side: "source", problem })?;
+        let target = if self.model.target.is_moving() {
+            self.problem.mapped_target(theta).map_err(|problem| Error::Points { side: "target", problem })?
+        } else {
+            self.mapped_target.clone()
+        };
+        Ok(Support::of(&source, &target, self.noise_sigma(theta)))
+    }
+
+    /// Solve from theta of another stage (or a start): once, and again with each weighting.
+    pub fn solve(
+        &mut self,
+        start: &[f64],
+        settings: &Settings,
+        supervision: &mut Supervision<'_>,
+    ) -> Result<Solved, Error> {
+        self.problem.set_whitening(None);
+        let seed = settings.seed;
+        let stopping = Stopping {
+            max_iterations: self.stage.iterations.min(settings.stopping.max_iterations),
+            deadline: supervision.deadline,
+            ..settings.stopping.clone()
+        };
+        let mut run = |problem: &dyn LeastSquares, theta: &[f64], solver: &dyn Solver| {
+            let mut control =
+                Control { stopping: stopping.clone(), seed, cancel: supervision.cancel, ..Control::default() };
+            if let Some(observer) = supervision.observer.as_deref_mut() {
+                control.observer = Some(observer);
+            }
+            solver.solve(problem, theta, &mut control)
+        };
+        let outcome = run(&self.problem, &self.adopt(start), self.solver.as_ref())?;
+        let mut solved = Solved {
+            theta: outcome.theta.clone(),
+            evaluations: outcome.counts.residuals,
+            iterations: outcome.counts.iterations,
+            outcome,
+            statistics: None,
+            support: None,
+            sampling: None,
+        };
+        let steps = match self.weighting.update() {
+            Update::Never => return Ok(solved),
+            Update::Steps(steps) => steps,
+            Update::EveryEvaluation => 1,
+        };
+        if !solved.outcome.usable() {
+            return Ok(solved);
+        }
+        let support = self.support(&solved.theta)?;
+        let sampling = settings.sampling.unwrap_or_else(|| {
+            Sampling::detect(&support, self.noise_sigma(&solved.theta), self.model.dim(), self.counts)
+        });
+        let mut kappa = 0.0;
+        for _ in 0..steps {
+            let randomness = self.randomness(&solved.theta, &support, sampling);
+            kappa = randomness.kappa;
+            self.whiten(&solved.theta, &randomness, seed)?;
+            let outcome = run(&self.problem, &solved.theta, self.solver.as_ref())?;
+            solved.evaluations += outcome.counts.residuals;
+            solved.iterations += outcome.counts.iterations;
+            let usable = outcome.usable();
+            solved.theta.clone_from(&outcome.theta);
+            solved.outcome = outcome;
+            if !usable {
+                return Ok(solved);
+            }
+        }
+        if self.weighting.update() == Update::EveryEvaluation {
+            let (theta, randomness) = (solved.theta.clone(), self.randomness(&solved.theta, &support, sampling));
+            let continuous = super::continuous::Continuous::new(self, randomness, seed);
+            let outcome = run(&continuous, &theta, self.solver.as_ref())?;
+            solved.evaluations += outcome.counts.residuals;
+            solved.iterations += outcome.counts.iterations;
+            solved.theta.clone_from(&outcome.theta);
+            solved.outcome = outcome;
+            let randomness = self.randomness(&solved.theta, &support, sampling);
+            self.whiten(&solved.theta, &randomness, seed)?;
+        }
+        if self.weighting.has_statistic() && self.problem.whitening().is_some() {
+            solved.statistics = self.statistics(&solved.theta, kappa);
+        }
+        solved.support = Some(support);
+        solved.sampling = Some(sampling);
+        Ok(solved)
+    }
+
+    /// Return where the randomness of the residual comes from at theta.
+    pub fn randomness(&self, theta: &[f64], support: &Support, sampling: Sampling) -> Randomness {
+        // Where noise is no parameter, the distances say how large it is: on a shape they are those along the normals.
+        let noise = self.noise(theta).unwrap_or_else(|| {
+            let sigma = support.target_rms.max(LEAST_NOISE * self.unit());
+            let mut covariance = [[0.0; 3]; 3];
+            (0..self.model.dim()).for_each(|d| covariance[d][d] = sigma * sigma);
+            covariance
+        });
+        Randomness { noise, kappa: sampling.kappa(self.num_target, self.num_source), num_target: self.num_target }
+    }
+
+    /// Weight the problem by the covariance at theta.
+    fn whiten(&mut self, theta: &[f64], randomness: &Randomness, seed: u64) -> Result<(), Error> {
+        let covariance = feature_covariance(&self.problem, theta, randomness, seed)
+            .map_err(|problem| Error::Points { side: "source", problem })?;
+        let whitening = self.weighting.whitening(&covariance, self.problem.num_features());
+        self.problem.set_whitening(whitening.map(|whitening| whitening.matrix));
+        self.problem.require_enough_features()
+    }
+
+    /// Return J, its p-value and the covariance of theta for the weighting as it stands.
+    pub fn statistics(&self, theta: &[f64], kappa: f64) -> Option<Statistics> {
+        let statistics = statistics::of_whitened(&self.problem, theta, self.own_tangent())?;
+        Some(Statistics { noise_sigma: self.noise_sigma(theta), kappa, ..statistics })
+    }
+}
+
+fn diagonal_mean(dim: usize, entry: impl Fn(usize) -> f64) -> f64 {
+    (0..dim).map(entry).sum::<f64>() / dim as f64
+}
+
+/// Return (sum w)^2 / sum w^2, the number of equally weighted points with the same variance of a mean.
+fn effective(points: &Points) -> f64 {
+    let (sum, squares) = points.weights().iter().fold((0.0, 0.0), |(s, t), w| (s + w, t + w * w));
+    sum * sum / squares
+}

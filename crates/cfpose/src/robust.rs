@@ -1,0 +1,151 @@
+//! What goes beyond means: nearest-neighbour support of a fit, trimmed closest points, a mixture with outliers.
+//!
+//! Everything here works on points mapped into the feature space and their derivatives along theta, so that every model
+//! takes part without further code.
+
+pub mod closest_point;
+pub mod mixture;
+pub mod support;
+
+use cfpose_optim::manifold::Manifold;
+use cfpose_optim::problem::LeastSquares;
+
+use crate::block::{LiftedPoints, MapBlock, Transform};
+use crate::points::{BLOCK, Points};
+use crate::problem::MomentProblem;
+
+/// Source points mapped into the feature space at one theta, not normalised, with derivatives.
+pub(crate) struct Mapped {
+    /// Dimension of the feature space.
+    pub dim: usize,
+    /// Number of derivatives.
+    pub tangent: usize,
+    /// Coordinates, 0 from `dim` on.
+    pub x: Vec<[f64; 3]>,
+    /// d x_q / d theta_j at (k * dim + q) * tangent + j.
+    pub dx: Vec<f64>,
+}
+
+impl Mapped {
+    /// Return d x_q / d theta of point k.
+    pub fn slope(&self, k: usize, q: usize) -> &[f64] {
+        let at = (k * self.dim + q) * self.tangent;
+        &self.dx[at..at + self.tangent]
+    }
+}
+
+/// A source set that can be moved by theta: the model of a problem, a choice of its points, its manifold.
+pub(crate) struct Mover<'a> {
+    problem: &'a MomentProblem,
+    lifted: LiftedPoints,
+}
+
+impl<'a> Mover<'a> {
+    /// Take points as the problem's model takes them.
+    pub fn new(problem: &'a MomentProblem, source: &Points) -> Self {
+        Self { problem, lifted: problem.model().source.lift(source) }
+    }
+
+    /// Return the number of points.
+    pub fn len(&self) -> usize {
+        self.lifted.len
+    }
+
+    /// Return the dimension of the feature space.
+    pub fn dim(&self) -> usize {
+        self.problem.model().dim()
+    }
+
+    /// Return the number of tangent coordinates of the model (nuisance parameters not counted).
+    pub fn tangent(&self) -> usize {
+        self.problem.manifold().tangent() - self.problem.noise().num_parameters(self.dim())
+    }
+
+    /// Map all points at ambient theta, which may carry nuisance parameters, with derivatives where wanted.
+    pub fn map(&self, theta: &[f64], derivatives: bool) -> Mapped {
+        let (dim, full) = (self.dim(), self.problem.manifold().tangent());
+        let own = self.problem.model().layout.manifold().ambient();
+        let tangent = if derivatives { self.tangent() } else { 0 };
+        let mut basis = vec![0.0; theta.len() * full];
+        let mut own_basis = Vec::with_capacity(own * tangent);
+        if derivatives {
+            self.problem.manifold().basis(theta, &mut basis);
+            for row in basis.chunks_exact(full).take(own) {
+                own_basis.extend_from_slice(&row[..tangent]);
+            }
+        }
+        let map = self.problem.model().source.as_ref();
+        let prepared = map.prepare(&theta[..own], &own_basis, tangent);
+        let mut block = MapBlock::new(dim, tangent);
+        let mut mapped =
+            Mapped { dim, tangent, x: Vec::with_capacity(self.len()), dx: vec![0.0; self.len() * dim * tangent] };
+        for start in (0..self.lifted.weights.len()).step_by(BLOCK) {
+            map.block(self.problem.isa(), &prepared, &Transform::identity(), &self.lifted, start, &mut block);
+            for k in 0..BLOCK.min(self.lifted.len.saturating_sub(start)) {
+                mapped.x.push(std::array::from_fn(|q| if q < dim { block.x[q].0[k] } else { 0.0 }));
+                // The block's derivatives carry the weight.
+                let scale = if block.weight.0[k] > 0.0 { block.weight.0[k].recip() } else { 0.0 };
+                for q in 0..dim {
+                    for j in 0..tangent {
+                        mapped.dx[((start + k) * dim + q) * tangent + j] = scale * block.dx[q * tangent + j].0[k];
+                    }
+                }
+            }
+        }
+        mapped
+    }
+
+    /// Move theta by a step of the model's tangent coordinates.
+    pub fn retract(&self, theta: &[f64], step: &[f64]) -> Vec<f64> {
+        let mut full = step.to_vec();
+        full.resize(self.problem.manifold().tangent(), 0.0);
+        let mut moved = vec![0.0; theta.len()];
+        self.problem.manifold().retract(theta, &full, &mut moved);
+        moved
+    }
+}
+
+/// Solve (H + damping diag H) x = g for a symmetric positive semi-definite H (n x n).
+pub(crate) fn solve_normal(n: usize, h: &[f64], g: &[f64], damping: f64) -> Option<Vec<f64>> {
+    use faer::linalg::solvers::Solve;
+    let trace: f64 = (0..n).map(|i| h[i * n + i]).sum();
+    let matrix = faer::Mat::from_fn(n, n, |i, j| {
+        let ridge = if i == j { damping * h[i * n + i] + 1e-14 * trace } else { 0.0 };
+        h[i * n + j] + ridge
+    });
+    let factor = matrix.llt(faer::Side::Lower).ok()?;
+    let solution = factor.solve(faer::Mat::from_fn(n, 1, |i, _| g[i]));
+    let x: Vec<f64> = (0..n).map(|i| solution[(i, 0)]).collect();
+    x.iter().all(|v| v.is_finite()).then_some(x)
+}
+
+/// Add the outer product scale v v' to the lower triangle of h.
+pub(crate) fn add_outer(h: &mut [f64], v: &[f64], scale: f64) {
+    let n = v.len();
+    for i in 0..n {
+        let factor = scale * v[i];
+        for j in 0..=i {
+            h[i * n + j] += factor * v[j];
+        }
+    }
+}
+
+/// Copy the lower triangle to the upper.
+pub(crate) fn symmetrise(n: usize, h: &mut [f64]) {
+    for i in 0..n {
+        for j in 0..i {
+            h[j * n + i] = h[i * n + j];
+        }
+    }
+}
+
+/// Return the inverse of a symmetric positive definite matrix.
+pub(crate) fn invert(n: usize, h: &[f64]) -> Option<Vec<f64>> {
+    let mut out = vec![0.0; n * n];
+    for j in 0..n {
+        let unit: Vec<f64> = (0..n).map(|i| f64::from(u8::from(i == j))).collect();
+        let column = solve_normal(n, h, &unit, 0.0)?;
+        (0..n).for_each(|i| out[i * n + j] = column[i]);
+    }
+    Some(out)
+}

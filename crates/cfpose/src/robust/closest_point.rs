@@ -1,0 +1,204 @@
+//! Trimmed closest point: the refinement of a fit whose noise is small against the shape.
+//!
+//! Exact without noise; with noise the nearest point is not the true one, and the estimate is biased: gate it by the
+//! estimated noise (method.md, section 7).
+
+use super::{Mapped, Mover, add_outer, invert, solve_normal, symmetrise};
+use crate::neighbours::Neighbours;
+
+/// Neighbours that a normal is fitted to, the point itself included.
+const NORMAL_NEIGHBOURS: usize = 8;
+/// A neighbourhood is a curve or a surface, and has a normal, when its least spread is below this share of its largest.
+const FLAT: f64 = 0.25;
+
+/// Options of a refinement.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Options {
+    /// Iterations at most.
+    pub max_iterations: usize,
+    /// Pairs farther than this many robust standard deviations (1.48 times the median distance) are left out.
+    pub cut: f64,
+    /// Share of the target points that may be used at most: 1, or the expected overlap.
+    pub share: f64,
+    /// Stop below this norm of a step.
+    pub tolerance: f64,
+    /// Use distances along normals where the neighbourhood has one.
+    pub normals: bool,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self { max_iterations: 30, cut: 3.5, share: 1.0, tolerance: 1e-8, normals: true }
+    }
+}
+
+/// A refined theta.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ClosestPoint {
+    /// Theta, ambient (nuisance parameters as they came).
+    pub theta: Vec<f64>,
+    /// Root mean square residual of the pairs used.
+    pub rms: f64,
+    /// Share of the target points used.
+    pub share: f64,
+    /// Covariance of the model's tangent coordinates, row by row, from the scatter of the residuals (sandwich).
+    pub covariance: Vec<f64>,
+    /// Iterations.
+    pub iterations: usize,
+}
+
+/// One linearised system: sums over the pairs.
+struct System {
+    h: Vec<f64>,
+    g: Vec<f64>,
+    /// Sum of score products, for the sandwich.
+    scores: Vec<f64>,
+    square_sum: f64,
+    rows: usize,
+    pairs: usize,
+}
+
+/// Neighbour lists of mapped source points, looked up once: a smooth map hardly changes them.
+struct Normals {
+    lists: Vec<Option<Vec<usize>>>,
+}
+
+impl Normals {
+    /// Return the unit normal at source point `k`, where its neighbourhood is flat.
+    fn at(&mut self, k: usize, tree: &Neighbours, mapped: &Mapped) -> Option<[f64; 3]> {
+        let look_up = || tree.nearest_n(&mapped.x[k], NORMAL_NEIGHBOURS).iter().map(|n| n.index).collect();
+        let list = self.lists[k].get_or_insert_with(look_up);
+        let mut mean = [0.0; 3];
+        for i in list.iter() {
+            (0..3).for_each(|d| mean[d] += mapped.x[*i][d] / list.len() as f64);
+        }
+        let mut covariance = [[0.0; 3]; 3];
+        for i in list.iter() {
+            let r: [f64; 3] = std::array::from_fn(|d| mapped.x[*i][d] - mean[d]);
+            for a in 0..mapped.dim {
+                for b in 0..mapped.dim {
+                    covariance[a][b] += r[a] * r[b];
+                }
+            }
+        }
+        if mapped.dim == 2 { normal2(&covariance) } else { normal3(&covariance) }
+    }
+}
+
+/// Return the axis of least spread of a plane neighbourhood, in closed form.
+fn normal2(c: &[[f64; 3]; 3]) -> Option<[f64; 3]> {
+    let (half, difference) = (0.5 * (c[0][0] + c[1][1]), 0.5 * (c[0][0] - c[1][1]));
+    let radius = difference.hypot(c[0][1]);
+    if radius <= 0.0 || half - radius > FLAT * FLAT * (half + radius) {
+        return None;
+    }
+    // The axis of largest spread lies at half the angle of (difference, c_01).
+    let angle = 0.5 * c[0][1].atan2(difference);
+    Some([-angle.sin(), angle.cos(), 0.0])
+}
+
+/// Return the axis of least spread of a spatial neighbourhood, `None` for one that is no surface.
+fn normal3(c: &[[f64; 3]; 3]) -> Option<[f64; 3]> {
+    let (values, axes) = crate::linalg::symmetric_eigen3(c);
+    // On a curve in space every direction across it is a normal: distances to points serve there.
+    let surface = values[2] <= FLAT * FLAT * values[1] && values[1] > 1e-12 * values[0];
+    surface.then_some(axes[2])
+}
+
+/// Move theta until the target lies on the mapped source. `target` is in the feature space, not normalised.
+pub(crate) fn refine(mover: &Mover<'_>, target: &[[f64; 3]], theta: &[f64], options: &Options) -> Option<ClosestPoint> {
+    let tangent = mover.tangent();
+    let mut theta = theta.to_vec();
+    let mut normals = Normals { lists: vec![None; mover.len()] };
+    let mut last = None;
+    let mut iterations = 0;
+    for iteration in 0..options.max_iterations {
+        iterations = iteration + 1;
+        let system = linearise(mover, target, &theta, &mut normals, options);
+        if system.rows <= tangent {
+            return None;
+        }
+        let mut step = solve_normal(tangent, &system.h, &system.g, 1e-9)?;
+        let norm = cfpose_optim::manifold::norm(&step);
+        // A linearisation is worth a fifth of a radian, or of the unit.
+        if norm > 0.2 {
+            step.iter_mut().for_each(|s| *s *= 0.2 / norm);
+        }
+        theta = mover.retract(&theta, &step);
+        last = Some(system);
+        if norm < options.tolerance {
+            break;
+        }
+    }
+    let system = last?;
+    let inverse = invert(tangent, &system.h)?;
+    let covariance = sandwich(tangent, &inverse, &system.scores);
+    Some(ClosestPoint {
+        theta,
+        rms: (system.square_sum / system.rows as f64).sqrt(),
+        share: system.pairs as f64 / target.len() as f64,
+        covariance,
+        iterations,
+    })
+}
+
+fn sandwich(n: usize, inverse: &[f64], scores: &[f64]) -> Vec<f64> {
+    let product = |a: &[f64], b: &[f64]| -> Vec<f64> {
+        let entry = |at: usize| (0..n).map(|k| a[at / n * n + k] * b[k * n + at % n]).sum();
+        (0..n * n).map(entry).collect()
+    };
+    product(&product(inverse, scores), inverse)
+}
+
+fn linearise(
+    mover: &Mover<'_>,
+    target: &[[f64; 3]],
+    theta: &[f64],
+    normals: &mut Normals,
+    options: &Options,
+) -> System {
+    let mapped = mover.map(theta, true);
+    let tree = Neighbours::new(mapped.x.clone(), mapped.dim);
+    let found: Vec<_> = target.iter().map(|q| tree.nearest(q)).collect();
+    let mut sorted: Vec<f64> = found.iter().map(|n| n.squared).collect();
+    sorted.sort_by(f64::total_cmp);
+    let allowed = ((options.share * target.len() as f64) as usize).clamp(1, target.len());
+    let median = sorted[allowed / 2];
+    let limit = (options.cut * options.cut * 1.48 * 1.48 * median).min(sorted[allowed - 1]).max(f64::MIN_POSITIVE);
+    let n = mapped.tangent;
+    let mut system =
+        System { h: vec![0.0; n * n], g: vec![0.0; n], scores: vec![0.0; n * n], square_sum: 0.0, rows: 0, pairs: 0 };
+    let mut row = vec![0.0; n];
+    for (q, neighbour) in target.iter().zip(&found).filter(|(_, neighbour)| neighbour.squared <= limit) {
+        let k = neighbour.index;
+        let difference: [f64; 3] = std::array::from_fn(|d| q[d] - mapped.x[k][d]);
+        system.pairs += 1;
+        let normal = if options.normals { normals.at(k, &tree, &mapped) } else { None };
+        match normal {
+            Some(normal) => {
+                row.fill(0.0);
+                for d in 0..mapped.dim {
+                    row.iter_mut().zip(mapped.slope(k, d)).for_each(|(r, s)| *r += normal[d] * s);
+                }
+                let residual = (0..3).map(|d| normal[d] * difference[d]).sum();
+                add_row(&mut system, &row, residual);
+            }
+            None => {
+                for d in 0..mapped.dim {
+                    add_row(&mut system, mapped.slope(k, d), difference[d]);
+                }
+            }
+        }
+    }
+    symmetrise(n, &mut system.h);
+    symmetrise(n, &mut system.scores);
+    system
+}
+
+fn add_row(system: &mut System, row: &[f64], residual: f64) {
+    add_outer(&mut system.h, row, 1.0);
+    add_outer(&mut system.scores, row, residual * residual);
+    system.g.iter_mut().zip(row).for_each(|(g, r)| *g += r * residual);
+    system.square_sum += residual * residual;
+    system.rows += 1;
+}

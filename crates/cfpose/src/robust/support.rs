@@ -1,0 +1,231 @@
+//! Nearest-neighbour support: does the mapped source lie on the target, everywhere and on both sides?
+//!
+//! Feature means alone can agree by a noise estimate that swallows the misfit. Distances cannot: where a pose is wrong,
+//! neighbouring points miss the shape in the same direction.
+
+use crate::neighbours::Neighbours;
+use crate::points::Points;
+
+/// Points of each side that are asked, at most.
+const MAX_QUERIES: usize = 1500;
+
+/// Regions that coherent residuals are looked for in, at most; each has at least this many points.
+const MAX_REGIONS: usize = 32;
+const MIN_REGION: usize = 12;
+
+/// How well two sets in one space lie on each other.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Support {
+    /// Root mean square distance of target points to the nearest mapped source point, the farthest tenth left out.
+    pub target_rms: f64,
+    /// The same from mapped source points to the target.
+    pub source_rms: f64,
+    /// Median distance of a target point to the nearest mapped source point.
+    pub median: f64,
+    /// Median distance between neighbours of the mapped source.
+    pub source_spacing: f64,
+    /// Median distance between neighbours of the target.
+    pub target_spacing: f64,
+    /// Share of the residuals' variance that neighbouring residuals have in common, 0 to 1: noise gives about 0, a misplaced
+    /// shape nearly 1.
+    pub coherence: f64,
+    /// Share of the target points that no mapped source point explains.
+    pub unexplained_target: f64,
+    /// Share of the mapped source points that no target point explains.
+    pub unexplained_source: f64,
+}
+
+impl Support {
+    /// Compare the mapped source with the target, both in the feature space; `noise_sigma` is the standard deviation of the
+    /// target's noise in one coordinate, where it is known.
+    ///
+    /// ```
+    /// use cfpose::{Points, robust::support::Support};
+    /// let line = |y: f64| (0..200).map(|k| [f64::from(k) * 0.01, y]).collect::<Vec<_>>();
+    /// let (p, q) = (Points::from_rows(&line(0.0)).unwrap(), Points::from_rows(&line(0.2)).unwrap());
+    /// let support = Support::of(&p, &q, None);
+    /// assert!(support.coherence > 0.9 && (support.target_rms - 0.2).abs() < 1e-9);
+    /// assert_eq!(Support::of(&p, &p, None).unexplained_source, 0.0);
+    /// ```
+    pub fn of(source: &Points, target: &Points, noise_sigma: Option<f64>) -> Self {
+        let (source_rows, target_rows) = (rows(source), rows(target));
+        let dim = target.dim();
+        let (on_source, on_target) = (Neighbours::new(source_rows, dim), Neighbours::new(target_rows, dim));
+        let asked_target = residuals(on_target.rows(), &on_source);
+        let asked_source = residuals(on_source.rows(), &on_target);
+        let (source_spacing, target_spacing) = (spacing(&on_source), spacing(&on_target));
+        let lengths = |asked: &[Residual]| {
+            let mut lengths: Vec<f64> = asked.iter().map(|r| r.length).collect();
+            lengths.sort_by(f64::total_cmp);
+            lengths
+        };
+        let (target_lengths, source_lengths) = (lengths(&asked_target), lengths(&asked_source));
+        // A point is explained within four standard deviations, or within the reach of a few neighbours.
+        let noise = noise_sigma.unwrap_or(0.0);
+        let reach = |spacing: f64| (4.0 * noise).max(5.0 * spacing);
+        let beyond = |sorted: &[f64], reach: f64| {
+            sorted.iter().filter(|d| **d > reach).count() as f64 / sorted.len().max(1) as f64
+        };
+        Self {
+            target_rms: trimmed_rms(&target_lengths),
+            source_rms: trimmed_rms(&source_lengths),
+            median: target_lengths.get(target_lengths.len() / 2).copied().unwrap_or(0.0),
+            source_spacing,
+            target_spacing,
+            coherence: coherence(&asked_target, trim_limit(&target_lengths), source_spacing),
+            unexplained_target: beyond(&target_lengths, reach(source_spacing)),
+            unexplained_source: beyond(&source_lengths, reach(target_spacing)),
+        }
+    }
+
+    /// Return one number to rank hypotheses by: the distance in both directions.
+    pub fn distance(&self) -> f64 {
+        self.target_rms.hypot(self.source_rms)
+    }
+}
+
+/// A point, its nearest neighbour's position, and the vector from there to the point.
+struct Residual {
+    foot: [f64; 3],
+    vector: [f64; 3],
+    length: f64,
+}
+
+fn rows(points: &Points) -> Vec<[f64; 3]> {
+    (0..points.len()).map(|k| points.point(k)).collect()
+}
+
+/// Ask evenly spaced points for their nearest neighbours.
+fn residuals(points: &[[f64; 3]], tree: &Neighbours) -> Vec<Residual> {
+    let step = points.len().div_ceil(MAX_QUERIES);
+    let ask = |p: &[f64; 3]| {
+        let found = tree.nearest(p);
+        let foot = tree.rows()[found.index];
+        Residual { foot, vector: std::array::from_fn(|d| p[d] - foot[d]), length: found.squared.sqrt() }
+    };
+    points.iter().step_by(step).map(ask).collect()
+}
+
+/// Return the median distance between neighbours.
+fn spacing(tree: &Neighbours) -> f64 {
+    let step = tree.rows().len().div_ceil(500);
+    // The nearest is the point itself, or its double.
+    let of = |p: &[f64; 3]| tree.nearest_n(p, 2).get(1).map_or(0.0, |n| n.squared.sqrt());
+    let mut all: Vec<f64> = tree.rows().iter().step_by(step).map(of).collect();
+    all.sort_by(f64::total_cmp);
+    all[all.len() / 2]
+}
+
+/// Return the length below which nine of ten residuals lie.
+fn trim_limit(sorted: &[f64]) -> f64 {
+    sorted.get(sorted.len() * 9 / 10).or(sorted.last()).copied().unwrap_or(0.0)
+}
+
+fn trimmed_rms(sorted: &[f64]) -> f64 {
+    let kept = &sorted[..(sorted.len() * 9 / 10).max(1).min(sorted.len())];
+    (kept.iter().map(|d| d * d).sum::<f64>() / kept.len().max(1) as f64).sqrt()
+}
+
+/// Return the share of the residuals' mean square that region means explain, corrected for chance.
+///
+/// Regions are groups of neighbouring feet, found by median splits. Residuals below the spacing of the source are
+/// its discretisation and count as explained by chance.
+fn coherence(asked: &[Residual], limit: f64, spacing: f64) -> f64 {
+    let mut kept: Vec<&Residual> = asked.iter().filter(|r| r.length <= limit).collect();
+    let total: f64 = kept.iter().map(|r| r.length * r.length).sum();
+    let count = kept.len();
+    let regions = (count / MIN_REGION).min(MAX_REGIONS).next_power_of_two() / 2;
+    let floor = count as f64 * spacing * spacing;
+    if regions < 2 || total <= floor {
+        return 0.0;
+    }
+    let depth = regions.trailing_zeros();
+    let mut common = 0.0;
+    split(&mut kept, depth, &mut |group| {
+        for d in 0..3 {
+            let sum: f64 = group.iter().map(|r| r.vector[d]).sum();
+            common += sum * sum / group.len() as f64;
+        }
+    });
+    let chance = regions as f64 / count as f64;
+    let share = (common / total - chance) / (1.0 - chance);
+    (share * (1.0 - floor / total)).clamp(0.0, 1.0)
+}
+
+/// Split by medians along the widest coordinate, `depth` times, and visit the groups.
+fn split(group: &mut [&Residual], depth: u32, visit: &mut dyn FnMut(&[&Residual])) {
+    if depth == 0 || group.len() < 2 {
+        visit(group);
+        return;
+    }
+    let width = |d: usize| {
+        let (low, high) = group
+            .iter()
+            .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), r| (low.min(r.foot[d]), high.max(r.foot[d])));
+        high - low
+    };
+    let axis = (0..3).max_by(|a, b| width(*a).total_cmp(&width(*b))).unwrap_or(0);
+    let middle = group.len() / 2;
+    group.select_nth_unstable_by(middle, |a, b| a.foot[axis].total_cmp(&b.foot[axis]));
+    let (low, high) = group.split_at_mut(middle);
+    split(low, depth - 1, visit);
+    split(high, depth - 1, visit);
+}
+
+/// How the two sets were sampled, which decides kappa (method.md, section 4).
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Sampling {
+    /// The same physical points: kappa = 0.
+    Same,
+    /// One set is a random part of the other: kappa = abs(1/N - 1/M).
+    Thinned,
+    /// Sampled independently from one shape: kappa = 1/N + 1/M.
+    Independent,
+}
+
+impl Sampling {
+    /// Names, as the command line gives them.
+    pub const NAMES: [(&'static str, Sampling); 3] =
+        [("same", Sampling::Same), ("thinned", Sampling::Thinned), ("independent", Sampling::Independent)];
+
+    /// Return the name.
+    pub fn name(self) -> &'static str {
+        match self {
+            Sampling::Same => "same",
+            Sampling::Thinned => "thinned",
+            Sampling::Independent => "independent",
+        }
+    }
+
+    /// Return kappa for effective numbers of points.
+    ///
+    /// ```
+    /// use cfpose::robust::support::Sampling;
+    /// assert_eq!(Sampling::Thinned.kappa(50.0, 100.0), 0.01);
+    /// assert_eq!(Sampling::Same.kappa(50.0, 100.0), 0.0);
+    /// ```
+    pub fn kappa(self, num_target: f64, num_source: f64) -> f64 {
+        match self {
+            Sampling::Same => 0.0,
+            Sampling::Thinned => (num_target.recip() - num_source.recip()).abs(),
+            Sampling::Independent => num_target.recip() + num_source.recip(),
+        }
+    }
+
+    /// Choose by nearest-neighbour distances after the fit against the spacing, never from the residual: were kappa fitted,
+    /// J would be 1 by construction and detect nothing.
+    ///
+    /// Where the noise hides the spacing, the numbers of points (`counts`: target, source) decide: equal within 3 % counts as
+    /// the same points. `dim` is the dimension of the feature space.
+    pub fn detect(support: &Support, noise_sigma: Option<f64>, dim: usize, counts: [usize; 2]) -> Self {
+        // Same points: the median is that of the noise. Independent ones: about the spacing, with the noise on top. The
+        // threshold is half-way between their squares.
+        let (noise, spacing) = (noise_sigma.unwrap_or(0.0).powi(2) * dim as f64, support.source_spacing.powi(2));
+        let visible = noise < 0.5 * spacing;
+        if visible && support.median.powi(2) > 0.5 * spacing + 0.65 * noise {
+            return Sampling::Independent;
+        }
+        let ratio = counts[0] as f64 / counts[1] as f64;
+        if (ratio - 1.0).abs() < 0.03 { Sampling::Same } else { Sampling::Thinned }
+    }
+}
