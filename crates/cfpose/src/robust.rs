@@ -11,6 +11,7 @@ use cfpose_optim::manifold::Manifold;
 use cfpose_optim::problem::LeastSquares;
 
 use crate::block::{LiftedPoints, MapBlock, Transform};
+use crate::neighbours::Neighbours;
 use crate::points::{BLOCK, Points};
 use crate::problem::MomentProblem;
 
@@ -148,4 +149,14 @@ pub(crate) fn invert(n: usize, h: &[f64]) -> Option<Vec<f64>> {
         (0..n).for_each(|i| out[i * n + j] = column[i]);
     }
     Some(out)
+}
+
+/// Return the median distance between neighbours, of a few hundred points.
+pub(crate) fn spacing(mapped: &Mapped) -> f64 {
+    let tree = Neighbours::new(mapped.x.clone(), mapped.dim);
+    let step = mapped.x.len().div_ceil(300);
+    let of = |p: &[f64; 3]| tree.nearest_n(p, 2).get(1).map_or(0.0, |n| n.squared.sqrt());
+    let mut all: Vec<f64> = mapped.x.iter().step_by(step).map(of).collect();
+    all.sort_by(f64::total_cmp);
+    all[all.len() / 2]
 }

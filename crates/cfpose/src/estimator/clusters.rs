@@ -69,10 +69,13 @@ impl Engine<'_> {
                 continue;
             }
             let ingredients = Ingredients { target: &target, ..self.ingredients };
-            let pipeline =
-                Pipeline { outliers: Outliers::None, restarts: 0, global_start: None, ..self.pipeline.clone() };
+            let pipeline = Pipeline { outliers: Outliers::None, restarts: 0, ..self.pipeline.clone() };
             let mut engine = Engine::new(ingredients, &pipeline)?;
-            let hypotheses = engine.search(supervision)?;
+            let given = engine.given()?;
+            let hypotheses = match given.is_empty() {
+                true => engine.global(supervision)?,
+                false => engine.from_given(&given, supervision)?,
+            };
             self.iterations += engine.iterations;
             let Some(hypothesis) = hypotheses.into_iter().next().filter(|h| h.plausible) else { continue };
             let score = self.last().support(&hypothesis.solved.theta)?.distance();

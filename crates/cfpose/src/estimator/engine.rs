@@ -141,41 +141,49 @@ impl<'a> Engine<'a> {
         })
     }
 
-    /// Find hypotheses: from the given starts, from perturbed ones, from the global strategy; best first.
-    pub fn search(&mut self, supervision: &mut Supervision<'_>) -> Result<Vec<Hypothesis>, Error> {
+    /// Return the thetas to begin with: given ones, or those of a named strategy; none where the pipeline searches by itself.
+    pub fn given(&self) -> Result<Vec<Vec<f64>>, Error> {
+        match &self.settings().start {
+            Start::Given(thetas) => Ok(thetas.clone()),
+            Start::Named(name) if name == "auto" => Ok(Vec::new()),
+            Start::Named(name) => self.proposals(name),
+        }
+    }
+
+    /// Climb from each of the given starts.
+    pub fn from_given(
+        &mut self,
+        given: &[Vec<f64>],
+        supervision: &mut Supervision<'_>,
+    ) -> Result<Vec<Hypothesis>, Error> {
         let mut found = Vec::new();
-        let given = match &self.settings().start {
-            Start::Given(thetas) => thetas.clone(),
-            Start::Named(name) if name == "auto" => Vec::new(),
-            Start::Named(name) => self.proposals(name)?,
-        };
-        let several = given.len() > 1;
-        for start in &given {
+        for start in given {
             self.starts += 1;
             found.extend(self.climb(0, start, supervision)?);
-            if !several && found.last().is_some_and(|h| h.accepted) {
-                return Ok(found);
+        }
+        Ok(ranked(found))
+    }
+
+    /// Climb from perturbed copies of a start, the restarts `range`, until one is accepted.
+    pub fn restarts(
+        &mut self,
+        start: &[f64],
+        range: std::ops::Range<usize>,
+        supervision: &mut Supervision<'_>,
+    ) -> Result<Vec<Hypothesis>, Error> {
+        let mut found = Vec::new();
+        for trial in range.start..range.end.min(self.pipeline.restarts) {
+            let seed = self.settings().seed ^ 0x7065_7274_7572_6265;
+            let mut rng = ChaCha8Rng::seed_from_u64(seed.wrapping_add(trial as u64));
+            let moved = self.perturbed(start, SPREADS[trial % SPREADS.len()], &mut rng);
+            self.starts += 1;
+            let hypothesis = self.climb(0, &moved, supervision)?;
+            let accepted = hypothesis.as_ref().is_some_and(|h| h.accepted);
+            found.extend(hypothesis);
+            if accepted {
+                break;
             }
         }
-        if found.iter().any(|h: &Hypothesis| h.accepted) || (self.pipeline.global_start.is_none() && !given.is_empty())
-        {
-            return Ok(ranked(found));
-        }
-        if let [start] = &given[..] {
-            let mut rng = ChaCha8Rng::seed_from_u64(self.settings().seed ^ 0x7065_7274_7572_6265);
-            for trial in 0..self.pipeline.restarts {
-                let moved = self.perturbed(start, SPREADS[trial % SPREADS.len()], &mut rng);
-                self.starts += 1;
-                let hypothesis = self.climb(0, &moved, supervision)?;
-                let accepted = hypothesis.as_ref().is_some_and(|h| h.accepted);
-                found.extend(hypothesis);
-                if accepted {
-                    return Ok(ranked(found));
-                }
-            }
-        }
-        let global = self.pipeline.global_start.clone().unwrap_or_else(|| "identity".to_string());
-        found.extend(self.global(&global, supervision)?);
         Ok(ranked(found))
     }
 
@@ -194,8 +202,9 @@ impl<'a> Engine<'a> {
     }
 
     /// Lead many starts through the first stages, and the best different ones through the rest.
-    fn global(&mut self, name: &str, supervision: &mut Supervision<'_>) -> Result<Vec<Hypothesis>, Error> {
-        let mut proposals = self.proposals(name)?;
+    pub fn global(&mut self, supervision: &mut Supervision<'_>) -> Result<Vec<Hypothesis>, Error> {
+        let name = self.pipeline.global_start.clone().unwrap_or_else(|| "identity".to_string());
+        let mut proposals = self.proposals(&name)?;
         let (screening, keep) = (self.pipeline.screening_stages.min(self.levels.len() - 1), self.pipeline.keep);
         let mut found = Vec::new();
         if keep == 0 || screening == 0 {

@@ -10,7 +10,7 @@ use rand_chacha::ChaCha8Rng;
 
 use super::pipeline::Stage;
 use super::{Settings, Supervision, adapt};
-use crate::block::Transform;
+use crate::block::{LiftedPoints, Transform};
 use crate::entry::{BuildContext, Registry};
 use crate::error::Error;
 use crate::means::Execution;
@@ -57,13 +57,16 @@ pub(super) struct Level {
     pub transform: Transform,
     /// Source points of the stage, as the model takes them.
     pub source: Points,
+    /// All source points: distances are to the whole shape, not to what a quadrature keeps of it.
+    pub all_source: Points,
+    all_lifted: LiftedPoints,
     /// Target points of the stage, as the model takes them.
     pub target: Points,
     /// The same in the feature space, not normalised.
     pub mapped_target: Points,
-    pub normaliser: String,
     pub solver: Box<dyn Solver>,
     pub weighting: Box<dyn Weighting>,
+    execution: Execution,
     num_source: f64,
     num_target: f64,
     counts: [usize; 2],
@@ -116,16 +119,25 @@ impl Level {
             problem,
             transform,
             mapped_target,
-            normaliser,
             solver,
             weighting,
+            execution: execution.clone(),
             num_source: effective(&all_source),
             num_target: effective(&all_target),
             counts: [all_target.len(), all_source.len()],
+            all_lifted: model.source.lift(&all_source),
+            all_source,
             model,
             source,
             target,
         })
+    }
+
+    /// Map all source points into the feature space at theta, not normalised.
+    pub fn mapped_source(&self, theta: &[f64]) -> Result<Points, Error> {
+        let own = &theta[..self.own()];
+        map_points(self.model.source.as_ref(), &self.all_lifted, own, &self.execution)
+            .map_err(|problem| Error::Points { side: "source", problem })
     }
 
     /// Return the unweighted cost at theta of any stage.
@@ -213,7 +225,7 @@ impl Level {
 
     /// Compare the points at theta.
     pub fn support(&self, theta: &[f64]) -> Result<Support, Error> {
-        let source = self.problem.mapped_source(theta).map_err(|problem| Error::Points { side: "source", problem })?;
+        let source = self.mapped_source(theta)?;
         let target = if self.model.target.is_moving() {
             self.problem.mapped_target(theta).map_err(|problem| Error::Points { side: "target", problem })?
         } else {

@@ -76,7 +76,7 @@ impl Engine<'_> {
     fn coarse(&self) -> Result<(Points, Vec<[f64; 3]>), Error> {
         let level = self.last();
         let mut rng = ChaCha8Rng::seed_from_u64(self.ingredients.settings.seed ^ 0x726f_6275_7374);
-        let source = thin(&level.source, COARSE_SOURCE, &mut rng)
+        let source = thin(&level.all_source, COARSE_SOURCE, &mut rng)
             .map_err(|problem| Error::Points { side: "source", problem })?;
         let target = thin(&level.mapped_target, COARSE_TARGET, &mut rng)
             .map_err(|problem| Error::Points { side: "target", problem })?;
@@ -87,7 +87,7 @@ impl Engine<'_> {
         let (source, target) = self.coarse()?;
         let level = self.last();
         let mover = Mover::new(&level.problem, &source);
-        let options = mixture::Options { sigma: 0.1 * level.unit(), ..mixture::Options::default() };
+        let options = mixture::Options { sigma: 0.15 * level.unit(), ..mixture::Options::default() };
         let fits = candidates.iter().filter_map(|theta| mixture::fit(&mover, &target, theta, &options));
         let best = fits
             .filter(|fit| self.is_plausible(&fit.theta))
@@ -106,7 +106,7 @@ impl Engine<'_> {
     fn by_trimming(&self, candidates: &[Vec<f64>]) -> Result<Option<Robust>, Error> {
         let (_, coarse) = self.coarse()?;
         let level = self.last();
-        let mover = Mover::new(&level.problem, &level.source);
+        let mover = Mover::new(&level.problem, &level.all_source);
         let options =
             closest_point::Options { tolerance: 1e-4, max_iterations: 20, ..closest_point::Options::default() };
         let fits = candidates.iter().filter_map(|theta| closest_point::refine(&mover, &coarse, theta, &options));
@@ -126,8 +126,7 @@ impl Engine<'_> {
     fn without_outliers(&mut self, mut robust: Robust, supervision: &mut Supervision<'_>) -> Result<Repaired, Error> {
         let level = self.last();
         let support = level.support(&robust.theta)?;
-        let mapped =
-            level.problem.mapped_source(&robust.theta).map_err(|problem| Error::Points { side: "source", problem })?;
+        let mapped = level.mapped_source(&robust.theta)?;
         let tree = Neighbours::new(rows(&mapped), mapped.dim());
         let limit = REJECT * robust.sigma.max(3.0 * LEAST_NOISE * level.unit()).max(support.source_spacing);
         let near = |k: &usize| tree.nearest(&level.mapped_target.point(*k)).squared <= limit * limit;
@@ -162,16 +161,16 @@ impl Engine<'_> {
     /// Refine theta of the last stage by trimmed closest points: some points until it stands, then all.
     pub fn refined(&self, theta: &[f64]) -> Option<closest_point::ClosestPoint> {
         let level: &Level = self.last();
-        let mover = Mover::new(&level.problem, &level.source);
+        let mover = Mover::new(&level.problem, &level.all_source);
         let all = rows(&level.mapped_target);
         let step = all.len().div_ceil(COARSE_TARGET);
         let some: Vec<[f64; 3]> = all.iter().step_by(step).copied().collect();
-        let options = closest_point::Options { tolerance: 1e-6, ..closest_point::Options::default() };
+        let options = closest_point::Options { tolerance: 1e-8, ..closest_point::Options::default() };
         let first = closest_point::refine(&mover, &some, theta, &options)?;
         if step == 1 {
             return Some(first);
         }
-        let options = closest_point::Options { max_iterations: 3, ..options };
+        let options = closest_point::Options { max_iterations: 5, ..options };
         closest_point::refine(&mover, &all, &first.theta, &options)
     }
 }

@@ -4,9 +4,9 @@ use cfpose_optim::manifold::Manifold;
 use cfpose_optim::outcome::Counts;
 use cfpose_optim::{Outcome, Status};
 
-use super::engine::{COHERENT, Engine, Hypothesis, PARTIAL};
+use super::engine::{COHERENT, Engine, Hypothesis, PARTIAL, ranked};
 use super::level::{Ingredients, Solved};
-use super::pipeline::{Outliers, Pipeline};
+use super::pipeline::Pipeline;
 use super::{Alternative, Estimate, Prepared, Start, Supervision, Verdict};
 use crate::conditioning::Conditioning;
 use crate::entry::Registry;
@@ -50,6 +50,98 @@ impl Draft {
     }
 }
 
+/// One thing to try; the next is tried only while nothing is accepted.
+enum Step {
+    /// Climb from the given starts.
+    Given(Vec<Vec<f64>>),
+    /// Climb from perturbed copies of a start.
+    Restarts(Vec<f64>, std::ops::Range<usize>),
+    /// Climb from the global strategy.
+    Global,
+    /// Look for outliers, from the hypotheses so far and these thetas.
+    Outliers(Vec<Vec<f64>>),
+}
+
+/// Order what is tried by its cost: a start that fails for its own sake is cheaper to replace than outliers are to find,
+/// and both are cheaper than a search everywhere.
+fn plan(pipeline: &Pipeline, given: &[Vec<f64>]) -> Vec<Step> {
+    let mut steps = vec![Step::Given(given.to_vec())];
+    let restarts = if given.len() == 1 { pipeline.restarts } else { 0 };
+    if let (Some(start), true) = (given.first(), restarts > 0) {
+        steps.push(Step::Restarts(start.clone(), 0..1));
+        steps.push(Step::Outliers(given.to_vec()));
+        steps.push(Step::Restarts(start.clone(), 1..restarts));
+    }
+    if given.is_empty() || pipeline.global_start.is_some() {
+        steps.push(Step::Global);
+    }
+    steps.push(Step::Outliers(Vec::new()));
+    steps
+}
+
+/// Hypotheses so far, and the best of them as a draft.
+struct Search {
+    found: Vec<Hypothesis>,
+    draft: Option<Draft>,
+}
+
+impl Search {
+    /// Take one step.
+    fn take(&mut self, engine: &mut Engine<'_>, step: Step, supervision: &mut Supervision<'_>) -> Result<(), Error> {
+        let more = match step {
+            Step::Given(starts) => engine.from_given(&starts, supervision)?,
+            Step::Restarts(start, range) => engine.restarts(&start, range, supervision)?,
+            Step::Global => engine.global(supervision)?,
+            Step::Outliers(starts) => return self.question(engine, &starts, supervision),
+        };
+        if more.is_empty() {
+            return Ok(());
+        }
+        let repaired = self.draft.as_ref().filter(|draft| draft.clutter.is_some()).and_then(|draft| draft.support);
+        self.found.extend(more);
+        self.found = ranked(std::mem::take(&mut self.found));
+        let best = &self.found[0];
+        let closer = |support: Support| best.solved.support.is_some_and(|s| s.distance() < support.distance());
+        if best.accepted || repaired.is_none_or(closer) {
+            self.draft = Some(Draft::of(best));
+        }
+        Ok(())
+    }
+
+    /// Replace the draft where leaving outliers out explains the data better.
+    fn question(
+        &mut self,
+        engine: &mut Engine<'_>,
+        starts: &[Vec<f64>],
+        supervision: &mut Supervision<'_>,
+    ) -> Result<(), Error> {
+        let Some(repaired) = engine.repair(&self.found, starts, supervision)? else { return Ok(()) };
+        let (robust, support) = (repaired.robust, repaired.support);
+        let closer =
+            |draft: &Draft| draft.support.is_none_or(|s| support.distance() < s.distance()) || !draft.plausible;
+        let better = self.draft.as_ref().is_none_or(closer);
+        let Some(hypothesis) = repaired.hypothesis else { return Ok(()) };
+        if !hypothesis.accepted && !better {
+            return Ok(());
+        }
+        let mut draft = Draft::of(&hypothesis);
+        draft.clutter = Some(robust.clutter);
+        if !hypothesis.accepted {
+            // The moments of what is left still disagree: the robust fit itself is the estimate.
+            draft.theta.copy_from_slice(&robust.theta);
+            draft.plausible = engine.is_plausible(&draft.theta);
+            if let Some(statistics) = &mut draft.statistics {
+                statistics.covariance = robust.covariance;
+                statistics.noise_sigma = Some(robust.sigma);
+            }
+        }
+        // What the outliers leave unexplained is known; what the source leaves is not.
+        draft.support = Some(support);
+        self.draft = Some(draft);
+        Ok(())
+    }
+}
+
 impl Prepared {
     /// Run the pipeline.
     pub(super) fn run(
@@ -66,66 +158,37 @@ impl Prepared {
             execution: &self.execution,
         };
         let mut engine = Engine::new(ingredients, pipeline)?;
-        let found = engine.search(&mut supervision)?;
-        let Some(best) = found.first() else { return self.nothing(&engine) };
-        let mut draft = Draft::of(best);
-        if !draft.accepted && pipeline.outliers != Outliers::None {
-            let starts = match &self.settings.start {
-                Start::Given(thetas) => thetas.clone(),
-                Start::Named(_) => Vec::new(),
-            };
-            self.question(&mut engine, &found, &starts, &mut draft, &mut supervision)?;
+        let mut search = Search { found: Vec::new(), draft: None };
+        for step in plan(pipeline, &engine.given()?) {
+            search.take(&mut engine, step, &mut supervision)?;
+            if search.draft.as_ref().is_some_and(|draft| draft.accepted) {
+                break;
+            }
         }
+        let Search { found, draft } = search;
+        let Some(mut draft) = draft else { return self.nothing(&engine) };
         self.refine(&engine, &mut draft)?;
         self.finish(&engine, draft, &found)
-    }
-
-    /// Replace the draft where leaving outliers out explains the data better.
-    fn question(
-        &self,
-        engine: &mut Engine<'_>,
-        found: &[Hypothesis],
-        starts: &[Vec<f64>],
-        draft: &mut Draft,
-        supervision: &mut Supervision<'_>,
-    ) -> Result<(), Error> {
-        let Some(repaired) = engine.repair(found, starts, supervision)? else { return Ok(()) };
-        let better = draft.support.is_none_or(|s| repaired.support.distance() < s.distance()) || !draft.plausible;
-        match repaired.hypothesis {
-            Some(hypothesis) if hypothesis.accepted => {
-                *draft = Draft::of(&hypothesis);
-                draft.clutter = Some(repaired.robust.clutter);
-                // What the outliers leave unexplained is known; what the source leaves is not.
-                draft.support = Some(repaired.support);
-            }
-            _ if better => {
-                let robust = repaired.robust;
-                if let Some(statistics) = &mut draft.statistics {
-                    statistics.covariance = robust.covariance;
-                    statistics.noise_sigma = Some(robust.sigma);
-                }
-                draft.theta[..].copy_from_slice(&robust.theta);
-                draft.support = Some(repaired.support);
-                draft.clutter = Some(robust.clutter);
-                draft.plausible = engine.is_plausible(&draft.theta);
-            }
-            _ => {}
-        }
-        Ok(())
     }
 
     /// Refine by closest points where the noise is small: exact without noise, biased with much.
     fn refine(&self, engine: &Engine<'_>, draft: &mut Draft) -> Result<(), Error> {
         let level = engine.last();
         let sigma = draft.statistics.as_ref().and_then(|s| s.noise_sigma).or(level.noise_sigma(&draft.theta));
+        // Distances to the shape are at most the noise: they see small noise that the means cannot tell from thinning.
+        let sigma = match (sigma, &draft.support) {
+            (Some(sigma), Some(support)) => Some(sigma.min(support.target_rms)),
+            (sigma, _) => sigma,
+        };
         let small = sigma.is_some_and(|sigma| sigma < engine.pipeline.refine_below * level.unit());
         if !small || !draft.outcome.usable() {
             return Ok(());
         }
         let Some(fit) = engine.refined(&draft.theta) else { return Ok(()) };
         let support = level.support(&fit.theta)?;
-        // Never worse than its start.
-        if draft.support.is_some_and(|before| support.target_rms > before.target_rms * 1.001) {
+        // Never worse than its start; below the spacing, distances between points do not rank thetas.
+        let bound = |before: Support| (1.001 * before.target_rms).max(before.source_spacing);
+        if draft.support.is_some_and(|before| support.target_rms > bound(before)) {
             return Ok(());
         }
         draft.theta = fit.theta;

@@ -10,6 +10,8 @@ use crate::neighbours::Neighbours;
 const NORMAL_NEIGHBOURS: usize = 8;
 /// A neighbourhood is a curve or a surface, and has a normal, when its least spread is below this share of its largest.
 const FLAT: f64 = 0.25;
+/// Standard deviation of the shape between its points, relative to their distance.
+const DISCRETISATION: f64 = 0.1;
 
 /// Options of a refinement.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -132,7 +134,10 @@ pub(crate) fn refine(mover: &Mover<'_>, target: &[[f64; 3]], theta: &[f64], opti
     }
     let system = last?;
     let inverse = invert(tangent, &system.h)?;
-    let covariance = sandwich(tangent, &inverse, &system.scores);
+    // The shape is known at its points alone: between them it is uncertain by a share of their distance.
+    let floor = (DISCRETISATION * super::spacing(&mover.map(&theta, false))).powi(2);
+    let spread = sandwich(tangent, &inverse, &system.scores);
+    let covariance = spread.iter().zip(&inverse).map(|(s, i)| s + floor * i).collect();
     Some(ClosestPoint {
         theta,
         rms: (system.square_sum / system.rows as f64).sqrt(),

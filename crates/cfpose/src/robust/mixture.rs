@@ -14,7 +14,9 @@ pub struct Options {
     pub max_share: f64,
     /// Source points near a target point that may explain it.
     pub neighbours: usize,
-    /// Iterations at most.
+    /// Iterations during which sigma falls to a fifth by a schedule, before it is free; 0 for a start that is near.
+    pub annealing: usize,
+    /// Iterations after that at most.
     pub max_iterations: usize,
     /// Stop below this norm of a step.
     pub tolerance: f64,
@@ -22,7 +24,15 @@ pub struct Options {
 
 impl Default for Options {
     fn default() -> Self {
-        Self { sigma: 0.1, share: 0.1, max_share: 0.7, neighbours: 20, max_iterations: 25, tolerance: 1e-5 }
+        Self {
+            sigma: 0.1,
+            share: 0.1,
+            max_share: 0.5,
+            neighbours: 20,
+            annealing: 8,
+            max_iterations: 15,
+            tolerance: 1e-5,
+        }
     }
 }
 
@@ -84,20 +94,9 @@ pub(crate) fn fit(mover: &Mover<'_>, target: &[[f64; 3]], theta: &[f64], options
     if !(volume.is_finite() && volume > 0.0) {
         return None;
     }
-    let least_sigma = 0.8 * spacing(mover, theta);
+    let least_sigma = 0.8 * super::spacing(&mover.map(theta, false));
     let this = Fit { mover, target, options, uniform: volume.recip(), least_sigma };
     this.run(Parameters { theta: theta.to_vec(), sigma: options.sigma.max(least_sigma), share: options.share })
-}
-
-/// Return the median distance between mapped source points.
-fn spacing(mover: &Mover<'_>, theta: &[f64]) -> f64 {
-    let mapped = mover.map(theta, false);
-    let tree = Neighbours::new(mapped.x, mapped.dim);
-    let step = tree.rows().len().div_ceil(300);
-    let of = |p: &[f64; 3]| tree.nearest_n(p, 2).get(1).map_or(0.0, |n| n.squared.sqrt());
-    let mut all: Vec<f64> = tree.rows().iter().step_by(step).map(of).collect();
-    all.sort_by(f64::total_cmp);
-    all[all.len() / 2]
 }
 
 impl Fit<'_, '_> {
@@ -106,11 +105,16 @@ impl Fit<'_, '_> {
         let tangent = self.mover.tangent();
         let n = tangent + 1;
         let mut iterations = 0;
+        // While the pose is far off, a likelihood with free sigma and share would rather call everything an outlier: first
+        // sigma falls by a schedule, and only theta follows.
+        let annealing = self.options.annealing;
+        let cooling = if annealing == 0 { 1.0 } else { (0.2_f64).powf(1.0 / annealing as f64) };
         let mut now = self.evaluate(&at, true);
-        for iteration in 0..self.options.max_iterations {
+        for iteration in 0..self.options.max_iterations + annealing {
             iterations = iteration + 1;
+            let annealed = iteration < annealing;
             let mut step = solve_normal(n, &now.h, &now.g, 1e-3)?;
-            step[tangent] = step[tangent].clamp(-0.5, 0.5);
+            step[tangent] = if annealed { 0.0 } else { step[tangent].clamp(-0.5, 0.5) };
             let norm = cfpose_optim::manifold::norm(&step[..tangent]);
             let shorten = if norm > 0.2 { 0.2 / norm } else { 1.0 };
             let mut length = 1.0;
@@ -129,13 +133,17 @@ impl Fit<'_, '_> {
                 }
                 length *= 0.4;
             }
-            let Some(candidate) = accepted else { break };
-            let done = norm * shorten * length < self.options.tolerance && (length * step[tangent]).abs() < 1e-3;
-            at = candidate;
+            let done = accepted.is_none()
+                || norm * shorten * length < self.options.tolerance && (length * step[tangent]).abs() < 1e-3;
+            at = accepted.unwrap_or(at);
+            if annealed {
+                at.sigma = (at.sigma * cooling).max(self.least_sigma);
+            } else {
+                now = self.evaluate(&at, true);
+                at.share = (1.0 - now.inliers / self.target.len() as f64).clamp(1e-4, self.options.max_share);
+            }
             now = self.evaluate(&at, true);
-            at.share = (1.0 - now.inliers / self.target.len() as f64).clamp(1e-4, self.options.max_share);
-            now = self.evaluate(&at, true);
-            if done {
+            if done && !annealed {
                 break;
             }
         }
