@@ -78,8 +78,17 @@ fn the_demo_finds_its_pose_and_draws_it() {
     assert!(desk.read("cfpose-demo/overlay.svg").starts_with("<svg"));
     let result = desk.json("demo --seed 2 --out elsewhere");
     assert!(result["rotation_error_deg"].as_f64().unwrap() < 2.0, "{result}");
-    // The command it proposes reads its files.
-    let again = desk.json("estimate --model plane-bearing --source elsewhere/source.csv --target elsewhere/target.csv");
-    assert_eq!(again["usable"], true);
+    // The command it proposes finds the same pose in its files; so does a scenario that gives no start.
+    for scenario in ["planar-curve[b_p=0.01]", "cloud3[points=500]"] {
+        let run = desk.run(&format!("demo --scenario {scenario} --out tried --json r.json"));
+        assert_eq!(run.code, 0, "{}{}", run.out, run.err);
+        let proposed = run.out.lines().find_map(|line| line.strip_prefix("try     cfpose ")).unwrap().replace('\'', "");
+        let again = desk.json(&proposed);
+        let found: serde_json::Value = serde_json::from_str(&desk.read("r.json")).unwrap();
+        for k in 0..6 {
+            let [a, b] = [&again, &found].map(|result| result["theta"][k].as_f64().unwrap());
+            assert!((a - b).abs() < 1e-4, "{proposed}: {a} {b}");
+        }
+    }
     assert!(desk.fails(2, "demo --scenario planar").contains("did you mean planar-curve?"));
 }

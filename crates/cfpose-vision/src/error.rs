@@ -161,6 +161,12 @@ pub enum Fault {
         /// What the file holds: a number, or "at most" one.
         held: String,
     },
+    /// A face of a mesh is not one.
+    #[error("{what}; write the mesh again")]
+    Face {
+        /// What is wrong.
+        what: String,
+    },
     /// The format allows it, this reader does not.
     #[error("{what} is not supported; {advice}")]
     Unsupported {

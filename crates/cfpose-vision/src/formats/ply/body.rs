@@ -26,7 +26,7 @@ pub(super) fn read(header: &Header, mut lines: Lines, mut gather: Gather) -> Res
 }
 
 /// Say that the file ends before the elements that its header claims.
-fn short(element: &Element, held: u64) -> Flaw {
+pub(super) fn short(element: &Element, held: u64) -> Flaw {
     let what = format!("elements of {:?}", excerpt(&element.name));
     Fault::Claims { what, claimed: element.count.to_string(), held: held.to_string() }.into()
 }
@@ -104,7 +104,7 @@ fn read_binary<'a>(
 }
 
 /// Find where each property of one element begins and where the element ends; `None` where the bytes end before.
-fn measure(
+pub(super) fn measure(
     properties: &[Property],
     bytes: &[u8],
     big_endian: bool,
