@@ -47,6 +47,7 @@ pub fn run(args: &DemoArgs) -> Result<(), Failure> {
         "truth": list(&trial.truth),
         "start": list(&start),
         "theta": list(&estimate.theta),
+        "rotation_form": RotationForm::Vector.name(),
         "status": estimate.outcome.status.name(),
         "rotation_error_deg": errors[1].map(|error| error.angle.to_degrees()),
         "translation_error": errors[1].map(|error| error.translation),
