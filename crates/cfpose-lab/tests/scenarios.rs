@@ -49,7 +49,7 @@ fn old_trials_are_unchanged() {
 const OLD: [(&str, [f64; 2]); 3] = [
     ("planar-curve[b_p=0.02,b_m=1,outliers=9,uniform_outliers=11]", [233_695.418_160_399_04, -219_328.476_642_980_3]),
     ("cloud3[points=200,noise=0.01]", [946.462_538_229_553_3, 34_459.039_199_879_786]),
-    ("cloud3[shape=4,points=150,sampling=independent]", [1727.906_802_548_32, 17_837.504_886_241_12]),
+    ("cloud3[shape=4,points=150,sampling=independent]", [1_727.906_802_548_32, 17_837.504_886_241_12]),
 ];
 
 #[test]
