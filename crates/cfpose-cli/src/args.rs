@@ -90,9 +90,9 @@ pub struct ProblemArgs {
     /// Whether start strategies may propose reflections of affine maps
     #[arg(long, value_name = "allow|forbid")]
     pub reflections: Option<Reflections>,
-    /// How rotations stand in lists of numbers
-    #[arg(long, value_name = "FORM", default_value = "vector")]
-    pub rotation: Rotation,
+    /// How rotations stand in lists of numbers: vector, euler (x, y, z with R = Rz Ry Rx), euler-ORDER, quaternion
+    #[arg(long, value_name = "FORM", default_value = "vector", value_parser = rotation_form)]
+    pub rotation: RotationForm,
     /// Seed of everything random
     #[arg(long, value_name = "K", default_value_t = 0)]
     pub seed: u64,
@@ -119,9 +119,9 @@ pub struct EstimateArgs {
     /// Write the transformed source points in the units of the target file
     #[arg(long, value_name = "FILE")]
     pub transformed_out: Option<PathBuf>,
-    /// Report the correspondence also for 1000 points and more
-    #[arg(long)]
-    pub correspondence: bool,
+    /// Report the correspondence also for 1000 points and more: of nearest points, or one to one (up to 1000 points)
+    #[arg(long, value_name = "HOW", num_args = 0..=1, require_equals = true, default_missing_value = "nearest")]
+    pub correspondence: Option<Matching>,
     /// Print every iteration
     #[arg(long, short)]
     pub verbose: bool,
@@ -283,8 +283,18 @@ pub enum ListKind {
     Weightings,
     Starts,
     Scenarios,
+    Curves,
     Presets,
     Formats,
+}
+
+/// How points are matched after the fit.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum Matching {
+    /// Each source point with the nearest target point.
+    Nearest,
+    /// No target point twice, least total squared distance.
+    OneToOne,
 }
 
 /// Whose axes the names of free parameters mean.
@@ -318,26 +328,9 @@ pub enum Sampling {
     Independent,
 }
 
-/// How rotations stand in lists of numbers.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum Rotation {
-    /// Rotation vector, radians
-    Vector,
-    /// Angles about x, y, z with R = Rz Ry Rx, radians
-    Euler,
-    /// w x y z
-    Quaternion,
-}
-
-impl Rotation {
-    /// Return the library's form.
-    pub fn form(self) -> RotationForm {
-        match self {
-            Rotation::Vector => RotationForm::Vector,
-            Rotation::Euler => RotationForm::Euler,
-            Rotation::Quaternion => RotationForm::Quaternion,
-        }
-    }
+/// Read the form of rotations.
+fn rotation_form(text: &str) -> Result<RotationForm, String> {
+    text.parse().map_err(|error: cfpose::entry::EntryError| error.to_string())
 }
 
 /// Return the name of a value as it stands on the command line.

@@ -7,7 +7,9 @@ use cfpose::free::{Frame, columns, find_columns};
 use cfpose::homography::in_file_units;
 use cfpose::model::TargetSide;
 use cfpose::theta::{Layout, RotationForm};
-use cfpose::{BuildContext, BuildError, Execution, Isa, Model, Points, Pose, Prepared, Registry, Settings, Start};
+use cfpose::{
+    BuildContext, BuildError, Execution, Isa, Model, Points, PointsError, Pose, Prepared, Registry, Settings, Start,
+};
 use cfpose_vision::{Camera, PointFile, ReadOptions, read_points};
 
 use crate::args::{FrameName, ProblemArgs, Reflections};
@@ -46,17 +48,23 @@ pub fn load(args: &ProblemArgs) -> Result<Loaded, Failure> {
     let registry = Registry::default();
     let mut settings = settings(args, &registry)?;
     let model = registry.model(&args.model, &BuildContext { seed: args.seed, ..BuildContext::default() })?;
-    let (form, camera) = (args.rotation.form(), camera(args.camera.as_deref())?);
+    let (form, camera) = (args.rotation, camera(args.camera.as_deref())?);
     check_depth(args, &model.layout)?;
     let isa = isa(&args.isa)?;
     let names: Vec<String> = columns(&model.layout).into_iter().map(|column| column.name).collect();
     let free = free_columns(args, &model.layout)?;
     settings.free = args.free.is_some().then(|| free.clone());
-    settings.start = starts::parse(&args.start, &settings.start, &model.layout, form, args.depth, &registry)?;
+    settings.start = starts::parse(
+        &args.start,
+        &settings.start,
+        &starts::Context { model: &args.model, layout: &model.layout, form, depth: args.depth },
+        &registry,
+    )?;
     if let (Some(choice), Start::Named(name)) = (args.reflections, &settings.start) {
         let allow = choice == Reflections::Allow;
         settings.start = Start::Named(cfpose::start::with_reflections(&registry.starts, name, allow));
     }
+    output::check_writable(args.json.as_deref())?;
     let source = read(&args.source)?;
     let target = read(&args.target)?;
     let (source_dim, target_dim) = (source.dim(), target.dim());
@@ -65,8 +73,8 @@ pub fn load(args: &ProblemArgs) -> Result<Loaded, Failure> {
     }
     let (source, target) = (to_image(source, camera, &args.source)?, to_image(target, camera, &args.target)?);
     let execution = execution(args.threads, isa, source.len().max(target.len()))?;
-    let prepared =
-        Prepared::new(&registry, &settings, &source, &target, &execution).map_err(|error| name_file(error, args))?;
+    let prepared = Prepared::new(&registry, &settings, &source, &target, &execution)
+        .map_err(|error| name_file(error, args, &target))?;
     Ok(Loaded {
         registry,
         prepared,
@@ -109,7 +117,30 @@ fn settings(args: &ProblemArgs, registry: &Registry) -> Result<Settings, Failure
 /// As [`read_points`].
 pub fn read(path: &Path) -> Result<Points, Failure> {
     let PointFile { points, .. } = read_points(path, &ReadOptions::default())?;
+    check_size(&points).map_err(|problem| Failure::input(format!("{}: {problem}", path.display())))?;
     Ok(points)
+}
+
+/// Largest coordinate, and smallest extent: squares and cubes of what lies beyond are infinite or 0.
+const SIZES: [f64; 2] = [1e100, 1e-100];
+
+/// Check that means and covariances of the points can be computed.
+fn check_size(points: &Points) -> Result<(), String> {
+    let [most, least] = SIZES;
+    let (mut largest, mut extent) = (0.0_f64, 0.0_f64);
+    for d in 0..points.dim() {
+        let (low, high) =
+            points.column(d).iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), x| (a.min(*x), b.max(*x)));
+        largest = largest.max(low.abs()).max(high.abs());
+        extent = extent.max(high - low);
+    }
+    if largest > most {
+        return Err(format!("a coordinate of size {largest:e} overflows when it is squared; rescale the file"));
+    }
+    if extent < least {
+        return Err(format!("the points lie within {extent:e}, which underflows when it is squared; rescale the file"));
+    }
+    Ok(())
 }
 
 fn to_image(points: Points, camera: Option<Camera>, path: &Path) -> Result<Points, Failure> {
@@ -122,7 +153,17 @@ fn to_image(points: Points, camera: Option<Camera>, path: &Path) -> Result<Point
 }
 
 /// Put the name of the file before an error about its points.
-fn name_file(error: cfpose::Error, args: &ProblemArgs) -> Failure {
+fn name_file(error: cfpose::Error, args: &ProblemArgs, target: &Points) -> Failure {
+    // What the reader accepted is finite, so the model made a value that is not.
+    if let cfpose::Error::Points { side: "target", problem: PointsError::NotFinite { row, .. } } = &error {
+        let is_zero = row.checked_sub(1).is_some_and(|k| k < target.len() && target.point(k) == [0.0; 3]);
+        let problem = if is_zero && target.dim() == 3 {
+            "the ray 0 0 0 has no direction; remove it"
+        } else {
+            "the model maps this point to no finite feature; remove it or rescale the file"
+        };
+        return Failure::input(format!("{}: point {row}: {problem}", args.target.display()));
+    }
     let path = match &error {
         cfpose::Error::Points { side: "source", .. } | cfpose::Error::PointDimension { side: "source", .. } => {
             Some(&args.source)

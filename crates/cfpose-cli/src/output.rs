@@ -59,6 +59,21 @@ pub fn write_file(path: &Path, text: &str) -> Result<(), Failure> {
     std::fs::write(path, text).map_err(|error| Failure::input(format!("{}: {error}", path.display())))
 }
 
+/// Check that a file can be written, without touching one that is there and without leaving a new one.
+///
+/// # Errors
+/// What the operating system says, with the file's name.
+pub fn check_writable(path: Option<&Path>) -> Result<(), Failure> {
+    let Some(path) = path.filter(|path| !is_standard(Some(path))) else { return Ok(()) };
+    let is_new = !path.exists();
+    let opened = std::fs::OpenOptions::new().append(true).create(true).open(path);
+    opened.map_err(|error| Failure::input(format!("{}: {error}", path.display())))?;
+    if is_new {
+        let _ = std::fs::remove_file(path);
+    }
+    Ok(())
+}
+
 /// Make a table of plain text, columns apart by blanks.
 pub fn table(header: &[&str], rows: &[Vec<String>]) -> String {
     let mut table = Table::new();

@@ -24,10 +24,11 @@ pub struct Report {
     num_source: usize,
     num_target: usize,
     theta: Vec<f64>,
+    rotation_form: String,
     free: Vec<String>,
     pose: Option<PoseReport>,
     homography: Option<[[f64; 3]; 3]>,
-    correspondence: Option<Vec<usize>>,
+    correspondence: Option<Vec<Option<usize>>>,
     cost: f64,
     status: &'static str,
     usable: bool,
@@ -76,12 +77,12 @@ impl PoseReport {
 }
 
 impl Report {
-    /// Gather what the contract asks for; `correspondence` counts from 0.
+    /// Gather what the contract asks for; `correspondence` counts from 0, `None` for a source point without a partner.
     pub fn new(
         args: &ProblemArgs,
         loaded: &Loaded,
         estimate: &Estimate,
-        correspondence: Option<Vec<usize>>,
+        correspondence: Option<Vec<Option<usize>>>,
         seconds: f64,
     ) -> Self {
         let settings = loaded.prepared.settings();
@@ -106,10 +107,12 @@ impl Report {
             num_source: loaded.num_source,
             num_target: loaded.num_target,
             theta: list(&estimate.theta),
+            rotation_form: loaded.form.name(),
             free: loaded.free.clone(),
             pose: PoseReport::of(loaded, &estimate.theta, args.depth),
             homography: inputs::homography(loaded, &estimate.theta),
-            correspondence: correspondence.map(|list| list.into_iter().map(|index| index + 1).collect()),
+            correspondence: correspondence
+                .map(|list| list.into_iter().map(|index| index.map(|index| index + 1)).collect()),
             cost: estimate.outcome.cost,
             status: estimate.outcome.status.name(),
             usable: estimate.usable(),

@@ -9,25 +9,30 @@ use cfpose::{Registry, Start};
 use crate::failure::Failure;
 use crate::inputs::numbers;
 
+/// What a theta in a file has to fit.
+pub struct Context<'a> {
+    /// Model as the user wrote it.
+    pub model: &'a str,
+    /// Layout of its theta.
+    pub layout: &'a Layout,
+    /// How rotations stand in lists of numbers where a file does not say.
+    pub form: RotationForm,
+    /// Depth of the plane.
+    pub depth: Option<f64>,
+}
+
 /// Read `--start`.
 ///
 /// # Errors
 /// Usage for what is neither a strategy nor numbers nor a file, and for numbers that are no theta; input for a file that
 /// holds none.
-pub fn parse(
-    text: &str,
-    default: &Start,
-    layout: &Layout,
-    form: RotationForm,
-    depth: Option<f64>,
-    registry: &Registry,
-) -> Result<Start, Failure> {
+pub fn parse(text: &str, default: &Start, context: &Context<'_>, registry: &Registry) -> Result<Start, Failure> {
     let text = text.trim();
     if text == "auto" {
         return Ok(default.clone());
     }
     if let Some(list) = numbers(text) {
-        return Ok(Start::Given(vec![theta(&list, "--start", layout, form)?]));
+        return Ok(Start::Given(vec![theta(&list, "--start", context.layout, context.form)?]));
     }
     let name = parse_spec(text).map(|(name, _)| name).unwrap_or_default();
     if registry.starts.iter().any(|entry| entry.name() == name) {
@@ -38,7 +43,7 @@ pub fn parse(
     let path = Path::new(text);
     // A word without dot or slash that names no file is a mistyped strategy, not a missing file.
     if path.exists() || text.contains(['.', '/']) {
-        return Ok(Start::Given(from_file(path, layout, form, depth)?));
+        return Ok(Start::Given(from_file(path, context)?));
     }
     let known = registry.starts.iter().map(|entry| entry.name()).chain(["auto"]);
     let near = suggest(text, known);
@@ -57,7 +62,8 @@ pub fn theta(list: &[f64], flag: &str, layout: &Layout, form: RotationForm) -> R
 }
 
 /// Read thetas from a file: a result of `estimate`, poses in any form of `pose convert`, one theta a line, or one theta.
-fn from_file(path: &Path, layout: &Layout, form: RotationForm, depth: Option<f64>) -> Result<Vec<Vec<f64>>, Failure> {
+fn from_file(path: &Path, context: &Context<'_>) -> Result<Vec<Vec<f64>>, Failure> {
+    let Context { layout, form, depth, .. } = *context;
     let text = std::fs::read_to_string(path).map_err(|error| match error.kind() {
         std::io::ErrorKind::NotFound => fail(path, &"there is no such file; check the name and the folder"),
         _ => fail(path, &error),
@@ -65,6 +71,7 @@ fn from_file(path: &Path, layout: &Layout, form: RotationForm, depth: Option<f64
     if let Ok(value) = serde_json::from_str::<serde_json::Value>(&text)
         && let Some(theta) = value.get("theta")
     {
+        let form = form_of_result(&value, context).map_err(|problem| fail(path, &problem))?;
         let list: Vec<f64> =
             serde_json::from_value(theta.clone()).map_err(|_| fail(path, &"\"theta\" is no list of numbers"))?;
         return Ok(vec![layout.from_list(&list, form).map_err(|error| fail(path, &error))?]);
@@ -88,6 +95,23 @@ fn from_file(path: &Path, layout: &Layout, form: RotationForm, depth: Option<f64
     let theta = |pose: &cfpose_vision::StampedPose| pose.theta(layout, scale);
     let thetas: Option<Vec<Vec<f64>>> = poses.iter().map(theta).collect();
     thetas.ok_or_else(|| fail(path, &format!("a pose is no start of this model; give {}", layout.describe(form))))
+}
+
+/// Check that a result is one of this model and return the form of its rotations.
+fn form_of_result(result: &serde_json::Value, context: &Context<'_>) -> Result<RotationForm, String> {
+    let name = |spec: &str| parse_spec(spec).map_or_else(|_| spec.to_string(), |(name, _)| name);
+    if let Some(model) = result.get("model").and_then(serde_json::Value::as_str)
+        && name(model) != name(context.model)
+    {
+        return Err(format!("this is a result of model `{model}`, not of `{}`; give numbers or a pose", context.model));
+    }
+    match result.get("rotation_form") {
+        None => Ok(context.form),
+        Some(form) => {
+            let parsed = form.as_str().and_then(|text| text.parse().ok());
+            parsed.ok_or_else(|| format!("\"rotation_form\" is {form}; it is vector, euler, euler-ORDER or quaternion"))
+        }
+    }
 }
 
 fn fail(path: &Path, problem: &dyn std::fmt::Display) -> Failure {

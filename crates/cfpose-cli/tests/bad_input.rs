@@ -40,6 +40,29 @@ fn text_files() {
 }
 
 #[test]
+fn sizes_that_no_arithmetic_holds_and_rays_without_a_direction() {
+    let desk = desk();
+    for (file, scale, expected) in [
+        ("huge.csv", "e200", "a coordinate of size 3e200 overflows when it is squared; rescale the file"),
+        ("tiny.csv", "e-200", "the points lie within 2e-200, which underflows when it is squared; rescale the file"),
+    ] {
+        desk.write(file, format!("1{scale},0,0\n3{scale},0,0\n2{scale},0,1{scale}\n"));
+        for line in [format!("{RIGID} {file}"), RIGID.replace("good.csv", file) + " good.csv"] {
+            assert_eq!(desk.fails(3, &line), format!("error: {file}: {expected}"));
+        }
+    }
+    desk.write("rays.csv", "0,0,1\n0.1,0.2,1\n0,0,0\n0.3,0.1,1\n");
+    let line = "estimate --model bearing3 --source good.csv --target rays.csv";
+    assert_eq!(desk.fails(3, line), "error: rays.csv: point 3: the ray 0 0 0 has no direction; remove it");
+    desk.write("none.txt", "# no pose\n");
+    for file in ["none.txt", "empty.txt"] {
+        desk.write("empty.txt", "");
+        let expected = format!("error: {file}: the file holds no pose; give 4x4, 3x4, TUM or KITTI rows, or JSON");
+        assert_eq!(desk.fails(3, &format!("pose convert {file} --to tum")), expected);
+    }
+}
+
+#[test]
 fn binary_files() {
     let desk = desk();
     let header = |count: &str| {
@@ -148,4 +171,10 @@ fn a_run_without_a_usable_result_still_writes_its_json() {
     assert_eq!(result["status"], "numerical-failure");
     assert_eq!(result["cost"], serde_json::Value::Null);
     assert!(run.err.contains("error: no usable result: numerical-failure"), "{}", run.err);
+    // Neither a pose nor points come out, nor is what is there overwritten.
+    desk.write("old.txt", "before");
+    let line = line.replace("--json -", "--json r.json --pose-out old.txt --transformed-out new.csv");
+    assert_eq!(desk.run(&line).code, 4);
+    assert_eq!((desk.read("old.txt").as_str(), desk.path("new.csv").exists()), ("before", false));
+    assert!(desk.read("r.json").contains("\"usable\":false"));
 }

@@ -30,7 +30,7 @@ fn every_field_of_the_contract_is_there() {
     let desk = motivation();
     let result = desk.json("estimate --model gain1 --source p.csv --target q.csv --sampling same --seed 7");
     let names: Vec<&str> = result.as_object().unwrap().keys().map(String::as_str).collect();
-    let expected = "schema model features solver normalise weighting preset sampling seed isa num_source num_target theta free \
+    let expected = "schema model features solver normalise weighting preset sampling seed isa num_source num_target theta rotation_form free \
                     pose homography correspondence cost status usable iterations evaluations starts seconds covariance \
                     j_statistic degrees_of_freedom p_value noise_sigma verdict message alternatives warnings condition";
     assert_eq!(names, expected.split_whitespace().collect::<Vec<_>>());
@@ -105,6 +105,108 @@ fn outputs_go_to_files() {
         assert!(warm["iterations"].as_u64().unwrap() <= 2, "{warm}");
         assert!(degrees_between(&pose_of(&warm["pose"]), &truth) < 1e-6);
     }
+}
+
+/// A cloud of 60 points and its moved copy, in another order.
+fn small_pair() -> (Desk, cfpose::Pose) {
+    let desk = Desk::new();
+    let truth = random_pose(15, 1.0);
+    let rows = cloud(60, 14);
+    let mut moved = apply(&truth, &rows);
+    shuffle(&mut moved, 16);
+    desk.write_rows("p.csv", &rows);
+    desk.write_rows("q.csv", &moved);
+    (desk, truth)
+}
+
+const SMALL: &str = "estimate --model rigid3 --source p.csv --target q.csv --features hermite";
+
+#[test]
+fn a_result_is_a_start_in_the_form_it_was_written_in_and_for_its_own_model() {
+    let (desk, truth) = small_pair();
+    for form in ["vector", "euler", "euler-zxz", "quaternion"] {
+        let first = desk.json(&format!("{SMALL} --start pca --rotation {form}"));
+        assert_eq!(first["rotation_form"], form);
+        desk.write("r.json", first.to_string());
+        // The reader's own form does not matter.
+        let warm = desk.json(&format!("{SMALL} --start r.json --rotation euler-xyz"));
+        assert!(warm["iterations"].as_u64().unwrap() <= 2, "{form}: {warm}");
+        assert!(degrees_between(&pose_of(&warm["pose"]), &truth) < 1e-6);
+    }
+    // Angles in another order: R = Rz Rx Rz of the listed angles.
+    let result = desk.json(&format!("{SMALL} --start pca --rotation euler-zxz"));
+    let theta: Vec<f64> = serde_json::from_value(result["theta"].clone()).unwrap();
+    let order: cfpose::theta::EulerOrder = "zxz".parse().unwrap();
+    let matrix = order.matrix(&[theta[0], theta[1], theta[2]]);
+    let found = pose_of(&result["pose"]).rotation;
+    assert!(matrix.iter().zip(found).all(|(a, b)| (a - b).abs() < 1e-12));
+    // A result without the field stands in the form of the flag, as before.
+    let mut old = desk.json(&format!("{SMALL} --start pca --rotation quaternion"));
+    old.as_object_mut().unwrap().remove("rotation_form");
+    desk.write("old.json", old.to_string());
+    assert!(desk.json(&format!("{SMALL} --start old.json --rotation quaternion"))["iterations"].as_u64().unwrap() <= 2);
+
+    let other = SMALL.replace("rigid3", "similarity3");
+    let refused = "error: r.json: this is a result of model `rigid3`, not of `similarity3`; give numbers or a pose";
+    assert_eq!(desk.fails(3, &format!("{other} --start r.json")), refused);
+    desk.write("odd.json", r#"{"theta": [0, 0, 0, 0, 0, 0], "rotation_form": "degrees"}"#);
+    let odd = desk.fails(3, &format!("{SMALL} --start odd.json"));
+    assert_eq!(
+        odd,
+        "error: odd.json: \"rotation_form\" is \"degrees\"; it is vector, euler, euler-ORDER or quaternion"
+    );
+    let wrong = desk.run(&format!("{SMALL} --rotation euler-xxz"));
+    assert!(wrong.code == 2 && wrong.err.contains("no axis twice in a row"), "{}", wrong.err);
+}
+
+#[test]
+fn points_are_matched_one_to_one_when_asked() {
+    let desk = Desk::new();
+    // At the identity both first source points are nearest to target 1; one to one the second goes to target 3.
+    desk.write("p.csv", "0\n1\n10\n20\n");
+    desk.write("q.csv", "0.4\n20\n2.6\n8\n");
+    let line = "estimate --model gain1 --source p.csv --target q.csv --features coordinates";
+    let indices =
+        |value: &Value| serde_json::from_value::<Vec<Option<usize>>>(value["correspondence"].clone()).unwrap();
+    let nearest = [Some(1), Some(1), Some(4), Some(2)];
+    for flag in ["", "--correspondence", "--correspondence=nearest"] {
+        assert_eq!(indices(&desk.json(&format!("{line} {flag}"))), nearest, "{flag}");
+    }
+    assert_eq!(
+        indices(&desk.json(&format!("{line} --correspondence=one-to-one"))),
+        [Some(1), Some(3), Some(4), Some(2)]
+    );
+    // Fewer target points: somebody has no partner.
+    desk.write("q.csv", "0.4\n20\n8\n");
+    let some = indices(&desk.json(&format!("{line} --correspondence=one-to-one")));
+    assert_eq!(some.iter().filter(|index| index.is_none()).count(), 1, "{some:?}");
+    desk.write_rows("many.csv", &cloud(1001, 3));
+    let line = "estimate --model rigid3 --source many.csv --target many.csv --correspondence=one-to-one";
+    assert_eq!(
+        desk.fails(2, line),
+        "error: --correspondence=one-to-one takes up to 1000 points, the larger file has 1001; use --correspondence"
+    );
+    let wrong = desk.run(&format!("{line}s"));
+    assert!(wrong.code == 2 && wrong.err.contains("one-to-one"), "{}", wrong.err);
+}
+
+#[test]
+fn outputs_are_checked_before_the_work_and_none_is_left_behind() {
+    let (desk, _) = small_pair();
+    let line = format!("{SMALL} --start pca");
+    for flag in ["--json", "--pose-out", "--transformed-out"] {
+        // The solve would write iterations to standard error: there are none.
+        let run = desk.run(&format!("{line} --verbose {flag} absent/x.csv"));
+        assert_eq!((run.code, run.err.lines().count(), run.out.as_str()), (3, 1, ""), "{flag}: {}", run.err);
+        assert!(run.err.starts_with("error: absent/x.csv: "), "{}", run.err);
+    }
+    let twice = desk.fails(2, &format!("{line} --json x.csv --transformed-out x.csv"));
+    assert_eq!(twice, "error: two outputs go to x.csv; give each a file of its own");
+    desk.write("kept.txt", "before");
+    desk.fails(3, &format!("{line} --pose-out kept.txt --transformed-out absent/x.csv"));
+    assert_eq!(desk.read("kept.txt"), "before");
+    desk.fails(3, &format!("{line} --pose-out new.txt --transformed-out absent/x.csv"));
+    assert!(!desk.path("new.txt").exists());
 }
 
 fn random_identity() -> cfpose::Pose {

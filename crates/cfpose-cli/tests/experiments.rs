@@ -64,6 +64,27 @@ fn mistakes_in_experiments_are_named() {
     assert!(desk.fails(2, "run bad.toml").contains("did you mean hermite?"));
     replace("seed = 3", "seed = ");
     assert!(desk.fails(3, "run bad.toml").starts_with("error: bad.toml: line 1: "));
+    // A method that cannot apply is an error before the run, and leaves no folder.
+    replace("features = \"hermite[degree=3]\"", "start = \"pca\"");
+    let refused = desk.fails(2, "run bad.toml");
+    assert!(refused.starts_with("error: method `hermite`, scenario planar-curve[curve=heart,"), "{refused}");
+    assert!(
+        refused.contains("start `pca` needs a rigid motion")
+            && refused.ends_with("leave the method or the scenario out")
+    );
+    replace("hermite[degree=3]", "coordinates");
+    assert!(desk.fails(2, "run bad.toml").contains("3 feature function(s) cannot determine 6 unknowns"));
+    replace("b_p = 0.01", "theta = \"0 0 0 0 0 -3\"");
+    assert!(desk.fails(2, "run bad.toml").contains("theta puts part of the curve behind the camera"));
+    replace(
+        "name = \"planar-curve\"\ncurve = [\"heart\", \"fish\"]\nb_p = 0.01",
+        "name = \"cloud3\"\nshape = \"no.ply\"",
+    );
+    assert!(desk.fails(3, "run bad.toml").contains("there is no file no.ply beside the experiment"));
+    assert!(!desk.path("out").exists());
+    replace("\"heart\", \"fish\"", "\"hart\"");
+    assert!(desk.fails(2, "run bad.toml").ends_with("did you mean heart?; `cfpose list curves` shows all"));
+    assert_eq!(desk.json("list curves").as_array().unwrap().len(), 6);
     assert!(desk.fails(3, "run absent.toml").starts_with("error: absent.toml: "));
     assert!(desk.fails(2, "run e.toml --shard 2/2").contains("I counts from 0"));
     assert!(desk.fails(3, "status .").contains("holds no experiment.toml"));
@@ -78,8 +99,17 @@ fn the_demo_finds_its_pose_and_draws_it() {
     assert!(desk.read("cfpose-demo/overlay.svg").starts_with("<svg"));
     let result = desk.json("demo --seed 2 --out elsewhere");
     assert!(result["rotation_error_deg"].as_f64().unwrap() < 2.0, "{result}");
-    // The command it proposes reads its files.
-    let again = desk.json("estimate --model plane-bearing --source elsewhere/source.csv --target elsewhere/target.csv");
-    assert_eq!(again["usable"], true);
+    // The command it proposes finds the same pose in its files; so does a scenario that gives no start.
+    for scenario in ["planar-curve[b_p=0.01]", "cloud3[points=500]"] {
+        let run = desk.run(&format!("demo --scenario {scenario} --out tried --json r.json"));
+        assert_eq!(run.code, 0, "{}{}", run.out, run.err);
+        let proposed = run.out.lines().find_map(|line| line.strip_prefix("try     cfpose ")).unwrap().replace('\'', "");
+        let again = desk.json(&proposed);
+        let found: serde_json::Value = serde_json::from_str(&desk.read("r.json")).unwrap();
+        for k in 0..6 {
+            let [a, b] = [&again, &found].map(|result| result["theta"][k].as_f64().unwrap());
+            assert!((a - b).abs() < 1e-4, "{proposed}: {a} {b}");
+        }
+    }
     assert!(desk.fails(2, "demo --scenario planar").contains("did you mean planar-curve?"));
 }

@@ -23,14 +23,15 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         let scenario = (entry.build)(&parameters)?;
         let trial = scenario.trial(&mut seed::data_stream(1, seed::fnv1a(spec.as_bytes())))?;
         let method = Method { start: start.to_string(), ..Method::of_preset(preset) };
-        let settings = method.settings(scenario.model(), &trial.start, 1)?;
+        let settings = method.settings(scenario.model(), trial.start.as_deref(), 1)?;
         let prepared = Prepared::new(&registry, &settings, &trial.source, &trial.target, &Execution::default())?;
         let estimate = prepared.solve(&registry, Supervision::default())?;
         let error = scenario.error(&prepared.model.layout, &estimate.theta, &trial.truth);
         let title = error.map_or_else(String::new, |e| {
             format!("{name}: angle {:.2} deg, translation {:.4} after", e.angle.to_degrees(), e.translation)
         });
-        let panels = panels(&prepared, &[("before", &trial.start), ("after", &estimate.theta)])?;
+        let before = trial.start.as_ref().unwrap_or(&prepared.model.identity);
+        let panels = panels(&prepared, &[("before", before), ("after", &estimate.theta)])?;
         let path = folder.join(format!("{name}.svg"));
         std::fs::write(&path, overlay(&title, &panels)?)?;
         println!("{}: {title}", path.display());

@@ -1,9 +1,9 @@
 //! The experiment file: seed, trials, scenarios with grids, methods.
 
 use std::collections::BTreeMap;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
-use cfpose::entry::{EntryError, Parameters, find, suggest};
+use cfpose::entry::{EntryError, Parameters, find, parse_spec, suggest};
 use toml::{Table, Value};
 
 use crate::error::LabError;
@@ -48,6 +48,8 @@ pub struct Experiment {
     pub methods: Vec<Method>,
     /// Printed figures to show beside ours.
     pub published: Vec<Published>,
+    /// Folder of the file, where scenarios look for files that they name; no part of the experiment's identity.
+    pub folder: PathBuf,
 }
 
 /// One `[[scenario]]`: all parameters of the entry in the table's order, each with its values.
@@ -97,7 +99,8 @@ impl Experiment {
     /// # Errors
     /// [`LabError`] naming file, place and mistake; unknown keys and names come with suggestions.
     pub fn load(lab: &Lab, path: &Path) -> Result<Self, LabError> {
-        Self::parse(lab, &folder::read_text(path)?, &path.display().to_string())
+        let experiment = Self::parse(lab, &folder::read_text(path)?, &path.display().to_string())?;
+        Ok(Self { folder: path.parent().unwrap_or(Path::new("")).to_path_buf(), ..experiment })
     }
 
     /// Read an experiment from text; `file` names it in errors.
@@ -121,6 +124,7 @@ impl Experiment {
             scenarios: reader.scenarios(&table)?,
             published: reader.published(&table, &methods)?,
             methods,
+            folder: PathBuf::new(),
         };
         reader.check(&experiment)?;
         Ok(experiment)
@@ -309,7 +313,14 @@ impl Reader<'_> {
             problem: Box::new(problem),
         };
         let (entry, _) = find("scenario", &self.lab.scenarios, &name).map_err(entry_error)?;
+        let (_, in_name) = parse_spec(&name).map_err(entry_error)?;
         let mut given: BTreeMap<&str, Vec<String>> = BTreeMap::new();
+        for (key, value) in &in_name {
+            if table.contains_key(key) || given.insert(key, vec![canonical(value)]).is_some() {
+                let problem = format!("`{key}` is given twice: in `name` = \"{name}\" and again; keep one of them");
+                return Err(self.value_error(place, problem));
+            }
+        }
         for (key, value) in table.iter().filter(|(key, _)| !["name", "trials"].contains(&key.as_str())) {
             let values = match value {
                 Value::Array(items) if items.is_empty() => Err("the list is empty".to_string()),
@@ -353,6 +364,9 @@ impl Reader<'_> {
                 max_evaluations: self.count(&place, table, "max_evaluations", 1)?,
                 max_iterations: self.count(&place, table, "max_iterations", 1)?,
             };
+            if method.name.trim().is_empty() {
+                return Err(self.value_error(&place, "`name` is empty; results are told apart by it".to_string()));
+            }
             if methods.iter().any(|other| other.name == method.name) {
                 return Err(self.value_error(&place, format!("the name `{}` is used twice", method.name)));
             }

@@ -4,6 +4,8 @@ use std::path::PathBuf;
 
 use cfpose::entry::EntryError;
 
+use crate::scenario::ScenarioError;
+
 /// Everything that can go wrong around an experiment; a solve that does not converge is a record, not an error.
 #[derive(Debug, thiserror::Error)]
 pub enum LabError {
@@ -68,6 +70,22 @@ pub enum LabError {
         place: String,
         /// The estimator's own error.
         problem: Box<cfpose::Error>,
+    },
+    /// A method cannot be used on a scenario's data.
+    #[error("{place}: {problem}; leave the method or the scenario out")]
+    Inapplicable {
+        /// Which method and cell.
+        place: String,
+        /// The estimator's own error.
+        problem: Box<cfpose::Error>,
+    },
+    /// A scenario has no data.
+    #[error("scenario {place}: {problem}")]
+    Scenario {
+        /// Which cell.
+        place: String,
+        /// What is missing or impossible.
+        problem: Box<ScenarioError>,
     },
     /// More trials than one experiment may have.
     #[error(
@@ -160,6 +178,9 @@ impl LabError {
     ///
     /// Programs give it exit code 2, everything else 3.
     pub fn is_usage(&self) -> bool {
+        if let LabError::Scenario { problem, .. } = self {
+            return !matches!(**problem, ScenarioError::File(_));
+        }
         !matches!(
             self,
             LabError::Io { .. }

@@ -6,10 +6,11 @@
 //!
 //! * [`scenario`]: what an author of a scenario writes; [`scenarios`]: the table.
 //! * [`seed`]: why growing a grid changes no old trial.
-//! * [`statistics`], [`summary`], [`table`], [`report`], [`plot`]: what comes out.
+//! * [`statistics`], [`calibration`], [`summary`], [`table`], [`report`], [`plot`]: what comes out.
 //!
 //! The crate never parses arguments.
 
+pub mod calibration;
 pub mod config;
 pub mod error;
 pub mod folder;

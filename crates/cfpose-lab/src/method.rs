@@ -8,6 +8,9 @@ use serde::Serialize;
 /// Start that takes the scenario's own theta_0.
 pub const SCENARIO_START: &str = "scenario";
 
+/// Start that takes the preset's own strategy, also where the scenario has a theta_0.
+pub const PRESET_START: &str = "auto";
+
 /// Return the preset of a method that names none: `auto`, or `paper` while there is no `auto`.
 pub fn default_preset() -> &'static str {
     if PRESETS.contains(&"auto") { "auto" } else { "paper" }
@@ -35,7 +38,8 @@ pub struct Method {
     /// Solver.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub solver: Option<String>,
-    /// `scenario` for the scenario's theta_0, or a start strategy.
+    /// `scenario` for the scenario's theta_0 (the preset's start where it has none), `auto` for the preset's start, or a start
+    /// strategy.
     pub start: String,
     /// Budget of each solve in residual evaluations.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -64,9 +68,11 @@ impl Method {
 
     /// Return the settings of the estimator for a scenario's model, theta_0 (ambient) and the seed of the method.
     ///
+    /// A method with a start of its own uses that. Otherwise, where the scenario has no theta_0, the preset's start stays.
+    ///
     /// # Errors
     /// [`cfpose::Error`] for an unknown preset.
-    pub fn settings(&self, model: &str, start: &[f64], seed: u64) -> Result<Settings, cfpose::Error> {
+    pub fn settings(&self, model: &str, start: Option<&[f64]>, seed: u64) -> Result<Settings, cfpose::Error> {
         let mut settings = Settings::preset(&self.preset, self.model.as_deref().unwrap_or(model))?;
         let replace = |part: &mut String, given: &Option<String>| {
             if let Some(given) = given {
@@ -79,10 +85,11 @@ impl Method {
         if self.normalise.is_some() {
             settings.normaliser.clone_from(&self.normalise);
         }
-        settings.start = match self.start.as_str() {
-            SCENARIO_START => Start::Given(vec![start.to_vec()]),
-            name => Start::Named(name.to_string()),
-        };
+        match (self.start.as_str(), start) {
+            (SCENARIO_START, Some(start)) => settings.start = Start::Given(vec![start.to_vec()]),
+            (SCENARIO_START, None) | (PRESET_START, _) => {}
+            (name, _) => settings.start = Start::Named(name.to_string()),
+        }
         settings.seed = seed;
         if let Some(budget) = self.max_evaluations {
             settings.stopping.max_evaluations = budget;
@@ -101,7 +108,7 @@ impl Method {
         let build = |error: EntryError| cfpose::Error::Build(error.into());
         let context = BuildContext::default();
         let truth = registry.model(scenario_model, &context)?;
-        let settings = self.settings(scenario_model, &truth.identity, 0)?;
+        let settings = self.settings(scenario_model, Some(&truth.identity), 0)?;
         let model = registry.model(&settings.model, &context)?;
         let blocks = |model: &cfpose::Model| {
             let block = |block: &cfpose::theta::ThetaBlock| (block.name, block.kind.manifold().ambient());
@@ -120,8 +127,8 @@ impl Method {
         if let Some(normaliser) = &settings.normaliser {
             registry.normaliser(normaliser)?;
         }
-        if let Start::Named(name) = &settings.start {
-            registry.start(name)?;
+        if ![SCENARIO_START, PRESET_START].contains(&self.start.as_str()) {
+            registry.start(&self.start)?;
         }
         Ok(settings)
     }

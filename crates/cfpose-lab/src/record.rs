@@ -41,6 +41,25 @@ pub struct Record {
     pub usable: bool,
     /// `good`, `suspect`, `failed`, or nothing where the weighting has no statistic.
     pub verdict: Option<String>,
+    /// Reported standard deviation of the noise.
+    #[serde(default)]
+    pub noise_sigma: Option<f64>,
+    /// Reported J statistic.
+    #[serde(default)]
+    pub j_statistic: Option<f64>,
+    /// Degrees of freedom of the J statistic.
+    #[serde(default)]
+    pub degrees_of_freedom: Option<usize>,
+    /// Probability of a larger J statistic for data that fit the model.
+    #[serde(default)]
+    pub p_value: Option<f64>,
+    /// Squared Mahalanobis distance of the truth from the estimate under the reported covariance
+    /// ([`crate::calibration::mahalanobis`]).
+    #[serde(default)]
+    pub mahalanobis: Option<f64>,
+    /// Degrees of freedom of `mahalanobis`: free tangent directions.
+    #[serde(default)]
+    pub mahalanobis_dof: Option<usize>,
     /// Cost at the estimate.
     pub cost: Option<f64>,
     /// Residual evaluations over all starts.

@@ -18,7 +18,7 @@ pub fn results_csv(records: &[Record]) -> String {
     let parameters: String = names.iter().map(|name| format!("{},", quoted(name))).collect();
     let mut text = format!(
         "scenario,{parameters}method,repetition,key,success,success_sum,rotation_deg,translation,error,e_sum,\
-         status,usable,verdict,cost,evaluations,iterations,starts,timed_out,isa\n"
+         status,usable,verdict,noise_sigma,j_statistic,degrees_of_freedom,p_value,mahalanobis,cost,evaluations,iterations,starts,timed_out,isa\n"
     );
     for record in records {
         let mut cells = vec![record.scenario.clone()];
@@ -35,6 +35,11 @@ pub fn results_csv(records: &[Record]) -> String {
             record.status.clone(),
             record.usable.to_string(),
             record.verdict.clone().unwrap_or_default(),
+            number(record.noise_sigma),
+            number(record.j_statistic),
+            record.degrees_of_freedom.map_or_else(String::new, |dof| dof.to_string()),
+            number(record.p_value),
+            number(record.mahalanobis),
             number(record.cost),
             record.evaluations.to_string(),
             record.iterations.to_string(),

@@ -13,9 +13,9 @@ use crate::folder::{self, Appender, EXPERIMENT, lines_of, trials_name, write_who
 use crate::lab::Lab;
 use crate::merge::{Merged, collect, merge, same_experiment, same_isa};
 use crate::method::Method;
-use crate::plan::{Plan, PlannedTrial, Shard};
+use crate::plan::{Cell, Plan, PlannedTrial, Shard};
 use crate::record::Record;
-use crate::scenario::Scenario;
+use crate::scenario::{Scenario, ScenarioError};
 use crate::trial::Bench;
 
 /// How far a run is.
@@ -101,9 +101,9 @@ pub struct RunReport {
 /// cannot be written.
 pub fn run(lab: &Lab, experiment: &Experiment, options: &RunOptions<'_>) -> Result<RunReport, LabError> {
     let fingerprint = experiment.fingerprint();
-    let done = open_folder(lab, experiment, &fingerprint, options)?;
+    let done = look_into_folder(lab, experiment, &fingerprint, options)?;
     let plan = Plan::new(lab, experiment)?;
-    let scenarios = build_scenarios(lab, &plan)?;
+    let scenarios = load_scenarios(lab, experiment, &plan)?;
     let trials = plan.shard(options.shard);
     let jobs = jobs(experiment, &trials, &done);
     let missing: usize = jobs.iter().map(|job| job.methods.len()).sum();
@@ -115,6 +115,8 @@ pub fn run(lab: &Lab, experiment: &Experiment, options: &RunOptions<'_>) -> Resu
         execution: Execution { isa: options.isa, pool: None },
         cancel: options.cancel,
     };
+    probe(&bench, &plan, &scenarios, &jobs)?;
+    claim_folder(experiment, options)?;
     let path = options.out.join(trials_name(options.shard));
     let work = Work {
         bench: &bench,
@@ -170,17 +172,22 @@ fn jobs<'a>(experiment: &'a Experiment, trials: &[PlannedTrial], done: &BTreeSet
     trials.iter().map(missing).filter(|job| !job.methods.is_empty()).collect()
 }
 
-/// Make the folder ready and return what is done already.
-fn open_folder(
+/// Make the folder and say in it to which experiment it belongs.
+fn claim_folder(experiment: &Experiment, options: &RunOptions<'_>) -> Result<(), LabError> {
+    folder::make_folder(&options.out)?;
+    let path = options.out.join(EXPERIMENT);
+    if path.is_file() { Ok(()) } else { write_whole(&path, &experiment.to_toml()) }
+}
+
+/// Check that the folder may be used and return what is done already; nothing is written yet.
+fn look_into_folder(
     lab: &Lab,
     experiment: &Experiment,
     fingerprint: &str,
     options: &RunOptions<'_>,
 ) -> Result<BTreeSet<(String, String)>, LabError> {
-    folder::make_folder(&options.out)?;
     let path = options.out.join(EXPERIMENT);
     if !path.is_file() {
-        write_whole(&path, &experiment.to_toml())?;
         return Ok(BTreeSet::new());
     }
     same_experiment(&path, fingerprint, &Experiment::load(lab, &path)?.fingerprint())?;
@@ -198,15 +205,53 @@ fn open_folder(
     Ok(done)
 }
 
-fn build_scenarios(lab: &Lab, plan: &Plan) -> Result<Vec<Box<dyn Scenario>>, LabError> {
-    let build = |cell: &crate::plan::Cell| {
-        cell.build(lab).map_err(|problem| LabError::Entry {
+/// Build the scenario of every cell and read its files.
+fn load_scenarios(lab: &Lab, experiment: &Experiment, plan: &Plan) -> Result<Vec<Box<dyn Scenario>>, LabError> {
+    let load = |cell: &Cell| {
+        let mut scenario = cell.build(lab).map_err(|problem| LabError::Entry {
             file: EXPERIMENT.to_string(),
             place: format!("scenario {}", cell.label()),
             problem: Box::new(problem),
-        })
+        })?;
+        scenario.load(&experiment.folder).map_err(|problem| scenario_error(cell, problem))?;
+        Ok(scenario)
     };
-    plan.cells.iter().map(build).collect()
+    plan.cells.iter().map(load).collect()
+}
+
+fn scenario_error(cell: &Cell, problem: ScenarioError) -> LabError {
+    LabError::Scenario { place: cell.label(), problem: Box::new(problem) }
+}
+
+/// Prepare the first trial of every cell with every method that has work there, so that a method that cannot apply to a
+/// scenario is an error before the run and not a row of failures.
+///
+/// Data of one trial may be unlucky: points without a spread are left to the records.
+fn probe(bench: &Bench<'_>, plan: &Plan, scenarios: &[Box<dyn Scenario>], jobs: &[Job<'_>]) -> Result<(), LabError> {
+    let mut seen: BTreeSet<(usize, &str)> = BTreeSet::new();
+    for job in jobs {
+        let new: Vec<&Method> =
+            job.methods.iter().copied().filter(|method| seen.insert((job.trial.cell, &method.name))).collect();
+        if new.is_empty() {
+            continue;
+        }
+        let cell = &plan.cells[job.trial.cell];
+        let trial = match bench.draw(scenarios[job.trial.cell].as_ref(), &job.trial) {
+            Ok(trial) => trial,
+            Err(ScenarioError::Points { .. }) => continue,
+            Err(problem) => return Err(scenario_error(cell, problem)),
+        };
+        for method in new {
+            match bench.prepare(scenarios[job.trial.cell].as_ref(), &trial, &job.trial, method) {
+                Ok(_) | Err(cfpose::Error::Points { .. } | cfpose::Error::Normalise { .. }) => {}
+                Err(problem) => {
+                    let place = format!("method `{}`, scenario {}", method.name, cell.label());
+                    return Err(LabError::Inapplicable { place, problem: Box::new(problem) });
+                }
+            }
+        }
+    }
+    Ok(())
 }
 
 /// What the threads of a run share: they take jobs in order, so the file is nearly in order too.

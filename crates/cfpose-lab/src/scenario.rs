@@ -1,5 +1,7 @@
 //! What an author of a scenario writes: from parameters and a generator to one trial.
 
+use std::path::Path;
+
 use cfpose::entry::{EntryError, NamedEntry, ParameterSpec, Parameters};
 use cfpose::theta::Layout;
 use cfpose::{Points, PointsError, Pose, PoseError};
@@ -14,8 +16,8 @@ pub struct Trial {
     pub target: Points,
     /// True theta, ambient coordinates of the scenario's model.
     pub truth: Vec<f64>,
-    /// Start theta_0, ambient.
-    pub start: Vec<f64>,
+    /// Start theta_0, ambient; `None` where the method has to find its own.
+    pub start: Option<Vec<f64>>,
     /// What counts as success.
     pub success: Success,
 }
@@ -65,6 +67,9 @@ pub enum ScenarioError {
         /// What is wrong.
         problem: PointsError,
     },
+    /// A file that the parameters name cannot be used.
+    #[error("{0}")]
+    File(String),
     /// The parameters do not describe a possible view.
     #[error("{0}")]
     Impossible(String),
@@ -74,6 +79,17 @@ pub enum ScenarioError {
 pub trait Scenario: Send + Sync {
     /// Return the name of the model that describes the truth.
     fn model(&self) -> &str;
+
+    /// Read the files that the parameters name, once before the first trial. Relative names stand for files in `folder`, that of
+    /// the experiment file.
+    ///
+    /// Building a scenario reads nothing, so that results can be merged where the data are absent.
+    ///
+    /// # Errors
+    /// [`ScenarioError::File`].
+    fn load(&mut self, _folder: &Path) -> Result<(), ScenarioError> {
+        Ok(())
+    }
 
     /// Draw one trial. All randomness comes from `rng`, in the order that the scenario documents.
     ///

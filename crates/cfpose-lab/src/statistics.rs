@@ -1,7 +1,7 @@
 //! Statistics of success counts and errors.
 
 /// Standard normal quantile of 0.975.
-const Z_975: f64 = 1.959_963_984_540_054;
+pub(crate) const Z_975: f64 = 1.959_963_984_540_054;
 
 /// Return the 95 % Wilson score interval of a proportion, as fractions in 0..=1.
 ///

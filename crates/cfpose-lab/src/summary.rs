@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use serde::Serialize;
 use serde_json::{Map, Value};
 
+use crate::calibration::mean_band;
 use crate::plan::Plan;
 use crate::record::Record;
 use crate::statistics::{median, wilson95};
@@ -41,6 +42,61 @@ pub struct SummaryRow {
     pub successes_sum: usize,
     /// Median number of residual evaluations.
     pub median_evaluations: Option<f64>,
+    /// Whether reported uncertainties are true.
+    #[serde(flatten)]
+    pub calibration: Calibration,
+}
+
+/// A J statistic with a smaller probability is an alarm.
+pub const ALARM_P: f64 = 0.01;
+/// An error beyond so many predicted standard deviations is confidently wrong.
+pub const CONFIDENT_SIGMAS: f64 = 10.0;
+
+/// How the reported statistics of a cell compare with the errors; null where no record has statistics.
+#[derive(Debug, Clone, Default, PartialEq, Serialize)]
+pub struct Calibration {
+    /// Records that report a J statistic.
+    pub with_statistics: usize,
+    /// Share of verdict `suspect` among them.
+    pub suspect_share: Option<f64>,
+    /// Number of them with p < [`ALARM_P`].
+    pub j_alarms: Option<usize>,
+    /// Mean squared Mahalanobis error of the records with verdict `good`.
+    pub mean_mahalanobis: Option<f64>,
+    /// Where 95 % of such means lie if the reported covariances are true ([`crate::calibration::mean_band`]).
+    pub mahalanobis_band: Option<[f64; 2]>,
+    /// Median of the same errors; 5.35 for a pose with true covariances.
+    pub median_mahalanobis: Option<f64>,
+    /// Records with verdict `good` and an error beyond [`CONFIDENT_SIGMAS`] predicted standard deviations: the square root of
+    /// the squared Mahalanobis error.
+    pub confidently_wrong: Option<usize>,
+}
+
+impl Calibration {
+    /// Compare the records of one cell and method.
+    pub fn of(records: &[&Record]) -> Self {
+        let reported: Vec<&&Record> = records.iter().filter(|r| r.j_statistic.is_some()).collect();
+        if reported.is_empty() {
+            return Self::default();
+        }
+        let count = |holds: &dyn Fn(&Record) -> bool| reported.iter().filter(|r| holds(r)).count();
+        let good: Vec<(f64, usize)> = reported
+            .iter()
+            .filter(|r| r.verdict.as_deref() == Some("good"))
+            .filter_map(|r| Some((r.mahalanobis?, r.mahalanobis_dof?)))
+            .collect();
+        let squares: Vec<f64> = good.iter().map(|(squared, _)| *squared).collect();
+        let dof = good.first().map_or(0, |(_, dof)| *dof);
+        Self {
+            with_statistics: reported.len(),
+            suspect_share: Some(count(&|r| r.verdict.as_deref() == Some("suspect")) as f64 / reported.len() as f64),
+            j_alarms: Some(count(&|r| r.p_value.is_some_and(|p| p < ALARM_P))),
+            mean_mahalanobis: (!good.is_empty()).then(|| squares.iter().sum::<f64>() / good.len() as f64),
+            mahalanobis_band: mean_band(dof, good.len()),
+            median_mahalanobis: median(&squares),
+            confidently_wrong: Some(squares.iter().filter(|s| s.sqrt() > CONFIDENT_SIGMAS).count()),
+        }
+    }
 }
 
 /// Summarise records by cell and method, in the order of the plan; cells without a record give a row of 0 trials.
@@ -88,5 +144,45 @@ fn row(scenario: &str, parameters: &Map<String, Value>, method: &str, records: &
         median_seconds: middle(&|r| Some(r.seconds)),
         successes_sum: count(&|r| r.success_sum),
         median_evaluations: middle(&|r| Some(r.evaluations as f64)),
+        calibration: Calibration::of(records),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn record(verdict: &str, p_value: Option<f64>, mahalanobis: Option<f64>) -> Record {
+        let text = r#"{"experiment": "", "scenario": "", "parameters": {}, "method": "", "repetition": 0, "key": "",
+            "success": false, "success_sum": false, "status": "", "usable": true, "evaluations": 0, "iterations": 0,
+            "starts": 1, "isa": "", "seconds": 0}"#;
+        let record: Record = serde_json::from_str(text).unwrap();
+        Record {
+            verdict: Some(verdict.to_string()),
+            j_statistic: p_value.map(|_| 1.0),
+            p_value,
+            mahalanobis,
+            mahalanobis_dof: mahalanobis.map(|_| 6),
+            ..record
+        }
+    }
+
+    #[test]
+    fn calibration_counts_what_it_says() {
+        let records = [
+            record("good", Some(0.5), Some(5.0)),
+            record("good", Some(0.009), Some(9.0)),
+            record("good", Some(0.2), Some(101.0)),
+            record("suspect", Some(1e-9), Some(1e6)),
+            record("failed", None, None),
+        ];
+        let all: Vec<&Record> = records.iter().collect();
+        let of = Calibration::of(&all);
+        assert_eq!((of.with_statistics, of.suspect_share, of.j_alarms), (4, Some(0.25), Some(2)));
+        assert_eq!((of.mean_mahalanobis, of.median_mahalanobis), (Some(115.0 / 3.0), Some(9.0)));
+        assert_eq!((of.confidently_wrong, of.mahalanobis_band), (Some(1), mean_band(6, 3)));
+        let none = Calibration::of(&all[4..]);
+        assert_eq!(none, Calibration::default());
+        assert!(serde_json::to_value(&none).unwrap()["suspect_share"].is_null());
     }
 }

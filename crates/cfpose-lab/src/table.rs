@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use serde_json::Value;
 
 use crate::config::Experiment;
-use crate::summary::SummaryRow;
+use crate::summary::{Calibration, SummaryRow};
 use crate::value::canonical;
 
 /// Return the parameters that differ between rows, in their order: the columns worth printing.
@@ -46,6 +46,11 @@ pub fn summary_table(rows: &[SummaryRow]) -> String {
         ]
         .map(str::to_string),
     );
+    let with_statistics = rows.iter().any(|row| row.calibration.with_statistics > 0);
+    if with_statistics {
+        let columns = ["suspect %", "J alarms", "mean d^2", "95 % band", "median d^2", "confidently wrong"];
+        header.extend(columns.map(str::to_string));
+    }
     let body = rows.iter().map(|row| {
         let mut cells = if many_scenarios { vec![row.scenario.clone()] } else { Vec::new() };
         cells.extend(varying.iter().map(|name| show(row.parameters.get(name))));
@@ -59,6 +64,9 @@ pub fn summary_table(rows: &[SummaryRow]) -> String {
             number(row.median_translation),
             row.median_seconds.map_or_else(dash, |s| format!("{:.1}", 1e3 * s)),
         ]);
+        if with_statistics {
+            cells.extend(calibration(&row.calibration));
+        }
         cells
     });
     markdown(&header, &body.collect::<Vec<_>>())
@@ -114,6 +122,19 @@ fn published_table(experiment: &Experiment, rows: &[SummaryRow], title: &str) ->
 
 fn texts_of(row: &SummaryRow) -> Vec<(String, String)> {
     row.parameters.iter().map(|(key, value)| (key.clone(), show(Some(value)))).collect()
+}
+
+/// Write the columns of reported statistics.
+fn calibration(calibration: &Calibration) -> [String; 6] {
+    let count = |value: Option<usize>| value.map_or_else(dash, |v| v.to_string());
+    [
+        calibration.suspect_share.map_or_else(dash, |share| format!("{:.1}", 100.0 * share)),
+        count(calibration.j_alarms),
+        calibration.mean_mahalanobis.map_or_else(dash, |v| format!("{v:.2}")),
+        calibration.mahalanobis_band.map_or_else(dash, |[low, high]| format!("{low:.2}..{high:.2}")),
+        calibration.median_mahalanobis.map_or_else(dash, |v| format!("{v:.2}")),
+        count(calibration.confidently_wrong),
+    ]
 }
 
 fn percent(successes: usize, trials: usize) -> String {

@@ -12,7 +12,7 @@ use crate::lab::Lab;
 use crate::method::Method;
 use crate::plan::{Cell, PlannedTrial};
 use crate::record::Record;
-use crate::scenario::{Scenario, Trial};
+use crate::scenario::{Scenario, ScenarioError, Trial};
 use crate::seed::{data_stream, method_seed};
 use crate::value::json_of;
 
@@ -34,7 +34,7 @@ impl Bench<'_> {
         planned: &PlannedTrial,
         methods: &[&Method],
     ) -> Vec<Record> {
-        let data = scenario.trial(&mut data_stream(self.experiment.seed, planned.key));
+        let data = self.draw(scenario, planned);
         let record = |method: &&Method| {
             let begin = Instant::now();
             let mut record = self.blank(cell, planned, method);
@@ -47,6 +47,26 @@ impl Bench<'_> {
             record
         };
         methods.iter().map(record).collect()
+    }
+
+    /// Draw the data of a trial.
+    pub(crate) fn draw(&self, scenario: &dyn Scenario, planned: &PlannedTrial) -> Result<Trial, ScenarioError> {
+        scenario.trial(&mut data_stream(self.experiment.seed, planned.key))
+    }
+
+    /// Build a method's problem on the data of a trial.
+    pub(crate) fn prepare(
+        &self,
+        scenario: &dyn Scenario,
+        trial: &Trial,
+        planned: &PlannedTrial,
+        method: &Method,
+    ) -> Result<Prepared, cfpose::Error> {
+        let seed = method_seed(self.experiment.seed, planned.key);
+        let settings = method.settings(scenario.model(), trial.start.as_deref(), seed)?;
+        let prepared = Prepared::new(&self.lab.registry, &settings, &trial.source, &trial.target, &self.execution)?;
+        prepared.problem.require_enough_features()?;
+        Ok(prepared)
     }
 
     /// Make the record of a trial that has no estimate.
@@ -69,6 +89,12 @@ impl Bench<'_> {
             status: "unsupported".to_string(),
             usable: false,
             verdict: Some("failed".to_string()),
+            noise_sigma: None,
+            j_statistic: None,
+            degrees_of_freedom: None,
+            p_value: None,
+            mahalanobis: None,
+            mahalanobis_dof: None,
             cost: None,
             evaluations: 0,
             iterations: 0,
@@ -89,12 +115,9 @@ impl Bench<'_> {
         method: &Method,
         record: &mut Record,
     ) {
-        let seed = method_seed(self.experiment.seed, planned.key);
-        let registry = &self.lab.registry;
-        let solved = method.settings(scenario.model(), &trial.start, seed).and_then(|settings| {
-            let prepared = Prepared::new(registry, &settings, &trial.source, &trial.target, &self.execution)?;
+        let solved = self.prepare(scenario, trial, planned, method).and_then(|prepared| {
             let deadline = self.experiment.deadline_secs.map(Duration::from_secs_f64);
-            prepared.solve(registry, Supervision { cancel: self.cancel, deadline, observer: None })
+            prepared.solve(&self.lab.registry, Supervision { cancel: self.cancel, deadline, observer: None })
         });
         match solved {
             Ok(estimate) => self.score(scenario, trial, &estimate, record),

@@ -40,13 +40,19 @@ fn mistakes_are_named_with_place_and_suggestion() {
         ("b_i = [", "bi = [", "scenario `planar-curve` has no parameter `bi`"),
         ("[0.1, 0.2]", "[0.1, -0.2]", "parameter `b_i` = `-0.2`: expected a number >= 0"),
         ("[0.1, 0.2]", "[]", "`b_i`: the list is empty"),
-        ("[0.1, 0.2]", "0.1\ntheta = \"1 2 3\"", "expected A, B or six numbers"),
+        ("[0.1, 0.2]", "0.1\ntheta = \"1 2 3\"", "expected A, B, random, anywhere or six numbers"),
         ("preset = \"paper\"", "presets = \"paper\"", "[[method]] 1: unknown key `presets`; did you mean preset?"),
         ("preset = \"paper\"", "preset = \"papr\"", "method `paper`: unknown preset `papr`"),
         ("preset = \"paper\"", "features = \"hermit\"", "unknown family `hermit`; did you mean hermite?"),
         ("preset = \"paper\"", "solver = \"lm\"", "unknown solver `lm`"),
         ("preset = \"paper\"", "start = \"gird\"", "unknown start `gird`; did you mean grid?"),
         ("preset = \"paper\"", "model = \"gain1\"", "has another theta than the scenario's"),
+        (
+            "name = \"planar-curve\"",
+            "name = \"planar-curve[b_i=0.3]\"",
+            "[[scenario]] 1: `b_i` is given twice: in `name` = \"planar-curve[b_i=0.3]\" and again; keep one of them",
+        ),
+        ("name = \"paper\"", "name = \" \"", "[[method]] 1: `name` is empty; results are told apart by it"),
         ("[[method]]", "[method]", "`method`: write [[method]] above each of them"),
         ("[[method]]", "[[method]]\nname = \"paper\"\n[[method]]", "the name `paper` is used twice"),
     ] {
@@ -67,6 +73,31 @@ fn the_experiment_of_table_1_is_the_papers() {
     assert_eq!((plan.cells.len(), plan.num_records(), experiment.published.len()), (12, 12_000, 12));
     let table = published_tables(&experiment, &summarise(&plan, &[]));
     assert_eq!(table.lines().filter(|line| line.contains("paper |")).count(), 12, "{table}");
+}
+
+/// The scenario entries of a file with every preset that does not exist yet replaced by `paper`.
+fn plan_of(text: &str) -> Plan {
+    let text = if cfpose::estimator::PRESETS.contains(&"auto") {
+        text.to_string()
+    } else {
+        text.replace("preset = \"auto\"", "preset = \"paper\"")
+    };
+    Plan::new(&Lab::default(), &parse(&text).unwrap()).unwrap()
+}
+
+#[test]
+fn the_experiments_beyond_the_paper_have_the_cells_they_name() {
+    let plan = plan_of(include_str!("../../../experiments/beyond.toml"));
+    // Eight curves times: (a) 6, (b) 6, far starts 2, no start 1, shuffled 1, outliers 2 and 2.
+    assert_eq!((plan.cells.len(), plan.methods.len()), (8 * 20, 2));
+    assert_eq!(plan.trials.len(), 8 * (16 * 100 + 4 * 40));
+    let plan = plan_of(include_str!("../../../experiments/clouds.toml"));
+    assert_eq!((plan.cells.len(), plan.trials.len(), plan.methods.len()), (8, 800, 3));
+    // A parameter in the brackets of the name is the same as one below it.
+    let (inside, below) = ("name = \"planar-curve[b_p=0.03]\"", "name = \"planar-curve\"\nb_p = 0.03");
+    let [a, b] = [inside, below].map(|text| parse(&GOOD.replace("name = \"planar-curve\"", text)).unwrap());
+    assert_eq!(a, b);
+    assert_eq!(a.cells()[0].parameter("b_p"), Some("0.03"));
 }
 
 #[test]

@@ -161,6 +161,22 @@ pub enum Fault {
         /// What the file holds: a number, or "at most" one.
         held: String,
     },
+    /// The header promises less than follows.
+    #[error(
+        "the header claims {claimed} {what}, but more follow; write the number that the file holds into the header"
+    )]
+    Extra {
+        /// What is counted.
+        what: String,
+        /// The number in the header.
+        claimed: String,
+    },
+    /// A face of a mesh is not one.
+    #[error("{what}; write the mesh again")]
+    Face {
+        /// What is wrong.
+        what: String,
+    },
     /// The format allows it, this reader does not.
     #[error("{what} is not supported; {advice}")]
     Unsupported {

@@ -34,6 +34,9 @@ impl Layout {
         };
         let weight = find("w")?;
         let xyz = [find("x")?, find("y")?, find("z")?];
+        if let [Some(_), None, Some(_)] = xyz {
+            return Err(Fault::Header { what: "names x and z and no y".to_string() });
+        }
         let chosen: Vec<usize> = if xyz[0].is_some() {
             xyz.into_iter().flatten().collect()
         } else {

@@ -138,13 +138,20 @@ fn pose_json(pose: &StampedPose) -> Value {
 /// ```
 pub fn read_poses(path: &Path) -> Result<Vec<StampedPose>, FileError> {
     let fail = |flaw: Flaw| flaw.in_file(path);
-    let bytes = crate::read::read_bytes(path).map_err(|fault| fail(fault.into()))?;
+    let bytes = crate::read::read_bytes(path).map_err(|fault| match fault {
+        Fault::Empty => fail(empty()),
+        other => fail(other.into()),
+    })?;
     let text = String::from_utf8_lossy(&bytes);
     let poses = match text.trim_start().starts_with(['{', '[']) {
         true => parse_json(&text),
         false => parse_text(&text),
     };
     poses.map_err(fail)
+}
+
+fn empty() -> Flaw {
+    flaw(Place::Whole, "the file holds no pose")
 }
 
 fn flaw(at: Place, what: impl Into<String>) -> Flaw {
@@ -168,7 +175,7 @@ fn parse_text(text: &str) -> Result<Vec<StampedPose>, Flaw> {
             rows.push((index + 1, row));
         }
     }
-    let Some((_, first)) = rows.first() else { return Err(Fault::Empty.into()) };
+    let Some((_, first)) = rows.first() else { return Err(empty()) };
     let width = first.len();
     if let Some((line, row)) = rows.iter().find(|(_, row)| row.len() != width) {
         return Err(flaw(Place::Line(*line), format!("{} numbers, but the rows above have {width}", row.len())));

@@ -3,10 +3,11 @@
 use std::path::Path;
 use std::time::Instant;
 
+use cfpose::readout::MAX_ASSIGNED;
 use cfpose::{Estimate, Points, PointsError, Pose, Supervision};
 use cfpose_vision::{Camera, PoseFormat, StampedPose, write_points};
 
-use crate::args::EstimateArgs;
+use crate::args::{EstimateArgs, Matching};
 use crate::failure::Failure;
 use crate::inputs::{self, Loaded};
 use crate::output;
@@ -19,7 +20,7 @@ const SMALL: usize = 1000;
 /// Run the command.
 ///
 /// # Errors
-/// [`Failure`]; a run without a usable result fails after its outputs are written.
+/// [`Failure`]; a run without a usable result fails after its JSON is written, and writes neither pose nor points.
 pub fn run(args: &EstimateArgs) -> Result<(), Failure> {
     let begun = Instant::now();
     let loaded = inputs::load(&args.problem)?;
@@ -28,27 +29,48 @@ pub fn run(args: &EstimateArgs) -> Result<(), Failure> {
     let supervision = Supervision { observer: Some(&mut watch), ..Supervision::default() };
     let estimate = loaded.prepared.solve(&loaded.registry, supervision)?;
     drop(watch);
-    let correspondence = if args.correspondence || loaded.num_source < SMALL {
-        // A theta that maps points to infinity has no correspondence; its status says so already.
-        loaded.prepared.correspondence(&estimate.theta).ok()
-    } else {
-        None
-    };
+    let correspondence = correspondence(args, &loaded, &estimate);
     let report = Report::new(&args.problem, &loaded, &estimate, correspondence, begun.elapsed().as_secs_f64());
     let json = args.problem.json.as_deref();
     output::show(&report.table(&loaded, &estimate), json)?;
     output::write_json(&report, json)?;
-    write_outputs(args, &loaded, &estimate)?;
     if estimate.usable() {
-        return Ok(());
+        return write_outputs(args, &loaded, &estimate);
     }
     let (status, message) = (estimate.outcome.status.name(), &estimate.outcome.message);
     Err(Failure::unusable(format!("no usable result: {status}: {message}")))
 }
 
+/// Read off who corresponds to whom; a theta that maps points to infinity has no correspondence, and its status says so.
+fn correspondence(args: &EstimateArgs, loaded: &Loaded, estimate: &Estimate) -> Option<Vec<Option<usize>>> {
+    match args.correspondence {
+        None if loaded.num_source >= SMALL => None,
+        Some(Matching::OneToOne) => {
+            loaded.prepared.matches(&estimate.theta, None).ok().map(|matches| matches.target_of_source)
+        }
+        _ => {
+            let nearest = loaded.prepared.correspondence(&estimate.theta).ok()?;
+            Some(nearest.into_iter().map(Some).collect())
+        }
+    }
+}
+
 /// Refuse outputs that the model does not have, before any work is done.
 fn check_outputs(args: &EstimateArgs, loaded: &Loaded) -> Result<(), Failure> {
     let (model, name) = (&loaded.prepared.model, &args.problem.model);
+    let num_points = loaded.num_source.max(loaded.num_target);
+    if args.correspondence == Some(Matching::OneToOne) && num_points > MAX_ASSIGNED {
+        return Err(Failure::usage(format!(
+            "--correspondence=one-to-one takes up to {MAX_ASSIGNED} points, the larger file has {num_points}; use --correspondence"
+        )));
+    }
+    let outputs = [args.problem.json.as_ref(), args.pose_out.as_ref(), args.transformed_out.as_ref()];
+    for (index, path) in outputs.iter().enumerate() {
+        if path.is_some() && outputs[..index].contains(path) {
+            let name = path.map_or_else(String::new, |path| path.display().to_string());
+            return Err(Failure::usage(format!("two outputs go to {name}; give each a file of its own")));
+        }
+    }
     if args.pose_out.is_some() && PoseReport::of(loaded, &model.identity, None).is_none() {
         return Err(Failure::usage(format!("--pose-out: model `{name}` has no pose; use --json")));
     }
@@ -64,7 +86,9 @@ fn check_outputs(args: &EstimateArgs, loaded: &Loaded) -> Result<(), Failure> {
             return Err(Failure::usage(format!("--transformed-out: {} files can only be read; use csv", format.name)));
         }
     }
-    Ok(())
+    // A wrong folder must show before minutes of work.
+    output::check_writable(args.pose_out.as_deref())?;
+    output::check_writable(args.transformed_out.as_deref())
 }
 
 fn write_outputs(args: &EstimateArgs, loaded: &Loaded, estimate: &Estimate) -> Result<(), Failure> {

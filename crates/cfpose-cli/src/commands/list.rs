@@ -46,6 +46,7 @@ fn lines(kind: ListKind) -> Vec<Line> {
         ListKind::Weightings => of_table(&registry.weightings),
         ListKind::Starts => of_table(&registry.starts),
         ListKind::Scenarios => of_table(cfpose_lab::scenarios::ALL),
+        ListKind::Curves => of_table(cfpose_lab::scenarios::curves::ALL),
         ListKind::Presets => presets(),
         ListKind::Formats => formats(),
     }

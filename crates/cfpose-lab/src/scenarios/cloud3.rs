@@ -1,74 +1,74 @@
-//! Two clouds on one asymmetric surface, a full random rotation apart.
+//! Two clouds on one asymmetric shape, a full random rotation apart.
+
+use std::path::Path;
 
 use cfpose::entry::{EntryError, ParameterSpec, Parameters};
-use cfpose::theta::Layout;
 use cfpose::{Points, Pose};
-use cfpose_optim::manifold::{norm3, rotation_of_quaternion};
+use cfpose_optim::manifold::rotation_of_quaternion;
 use rand::RngExt;
 use rand_chacha::ChaCha12Rng;
 use rand_distr::StandardNormal;
 
+use super::sampling::{add_uniform, shuffle};
 use crate::scenario::{Scenario, ScenarioEntry, ScenarioError, Success, Trial};
-use crate::seed::data_stream;
 
-/// Number of bumps of the surface.
-const NUM_BUMPS: usize = 6;
+mod shape;
 
-/// A star-shaped surface: x = radius(u) (1, .8, .6) u over unit directions u, with
-/// radius(u) = 1 + sum_b height_b exp(sharpness_b (u . centre_b - 1)), scaled to largest norm 1 on a fixed set of directions.
-///
-/// Six bumps of different height (.2 to .6), sharpness (2 to 8) and random centre leave no symmetry. Drawn from ChaCha12
-/// of the shape's own seed (stream "cloud3"): per bump the centre (three normals), the height, the sharpness.
-struct Shape {
-    bumps: Vec<([f64; 3], f64, f64)>,
-    scale: f64,
-}
+use shape::{Shape, Source, direction};
 
-impl Shape {
-    fn new(seed: u64) -> Self {
-        let mut rng = data_stream(seed, u64::from_be_bytes(*b"cloud3\0\0"));
-        let bumps = (0..NUM_BUMPS)
-            .map(|_| (direction(&mut rng), 0.2 + 0.4 * rng.random::<f64>(), 2.0 + 6.0 * rng.random::<f64>()))
-            .collect();
-        let mut shape = Self { bumps, scale: 1.0 };
-        let largest = (0..4000).map(|_| norm3(&shape.point(direction(&mut rng)))).fold(0.0, f64::max);
-        shape.scale = 1.0 / largest;
-        shape
-    }
+/// Fewest points that the cut by `overlap` leaves.
+const MIN_POINTS: usize = 4;
 
-    /// Return the surface point in direction u.
-    fn point(&self, u: [f64; 3]) -> [f64; 3] {
-        let bump = |(centre, height, sharpness): &([f64; 3], f64, f64)| {
-            let cosine: f64 = (0..3).map(|i| u[i] * centre[i]).sum();
-            height * (sharpness * (cosine - 1.0)).exp()
-        };
-        let radius = self.scale * (1.0 + self.bumps.iter().map(bump).sum::<f64>());
-        [radius * u[0], 0.8 * radius * u[1], 0.6 * radius * u[2]]
-    }
-}
-
-/// Draw a direction uniform on the sphere: three normals, divided by their norm.
-fn direction(rng: &mut ChaCha12Rng) -> [f64; 3] {
-    loop {
-        let v: [f64; 3] = std::array::from_fn(|_| rng.sample(StandardNormal));
-        let norm = norm3(&v);
-        if norm > 1e-9 {
-            return v.map(|x| x / norm);
-        }
-    }
-}
-
-/// Two clouds P and Q = R P + T, or Q sampled from the surface anew.
+/// Two clouds P and Q = R P + T, or Q sampled from the shape anew; Q may be cut and hold clutter.
 ///
 /// Random draws of a trial, in this order: the rotation (four normals, a uniform quaternion), the translation (three
-/// normals, times `translation`), the directions of the source points, with `sampling = independent` those of the target
-/// points, the noise (three normals a target point), the permutation of the target (Fisher-Yates from the end).
+/// normals, times `translation`), the source points, with `sampling = independent` the target points (the shape says how),
+/// with `overlap` below 1 a direction (three normals), the noise (three normals for every target point that is left), the
+/// clutter (three uniforms each), the permutation of the target (Fisher-Yates from the end).
+///
+/// The cut keeps the share `overlap` of the target points: those that lie farthest back along the direction.
 struct Cloud3 {
-    shape: Shape,
+    source: Source,
+    /// Made of `source` by [`Scenario::load`] where that is a file.
+    shape: Option<Shape>,
     num_points: usize,
     independent: bool,
     noise: f64,
     translation: f64,
+    /// Clutter points, as a share of the target points.
+    clutter: f64,
+    overlap: f64,
+}
+
+impl Cloud3 {
+    fn new(parameters: &Parameters) -> Result<Self, EntryError> {
+        let not_negative = |key| parameters.number(key, "a number >= 0", |v| v >= 0.0 && v.is_finite());
+        let source = Source::of(parameters)?;
+        // A surface from a seed needs no file.
+        let shape = if matches!(source, Source::Seed(_)) { source.load(Path::new("")).ok() } else { None };
+        Ok(Self {
+            source,
+            shape,
+            num_points: parameters.count("points", MIN_POINTS, 10_000_000)?,
+            independent: parameters.choice("sampling", &[("permutation", false), ("independent", true)])?,
+            noise: not_negative("noise")?,
+            translation: not_negative("translation")?,
+            clutter: parameters.number("clutter", "a share from 0 to 10", |v| (0.0..=10.0).contains(&v))?,
+            overlap: parameters.number("overlap", "a share above 0, at most 1", |v| v > 0.0 && v <= 1.0)?,
+        })
+    }
+
+    /// Keep the share `overlap` of the points.
+    fn cut(&self, points: &mut Vec<[f64; 3]>, rng: &mut ChaCha12Rng) {
+        if self.overlap >= 1.0 {
+            return;
+        }
+        let axis = direction(rng);
+        let along = |p: &[f64; 3]| p[0] * axis[0] + p[1] * axis[1] + p[2] * axis[2];
+        points.sort_by(|a, b| along(a).total_cmp(&along(b)));
+        let kept = (self.overlap * points.len() as f64).round() as usize;
+        points.truncate(kept.max(MIN_POINTS));
+    }
 }
 
 impl Scenario for Cloud3 {
@@ -76,24 +76,38 @@ impl Scenario for Cloud3 {
         "rigid3"
     }
 
+    fn load(&mut self, folder: &Path) -> Result<(), ScenarioError> {
+        if self.shape.is_none() {
+            self.shape = Some(self.source.load(folder)?);
+        }
+        match self.shape.as_ref().and_then(Shape::max_points) {
+            Some(most) if most < self.num_points => Err(ScenarioError::File(format!(
+                "points = {}, but the shape's file holds {most} and no faces",
+                self.num_points
+            ))),
+            _ => Ok(()),
+        }
+    }
+
     fn trial(&self, rng: &mut ChaCha12Rng) -> Result<Trial, ScenarioError> {
+        let Some(shape) = &self.shape else {
+            return Err(ScenarioError::File("shape: its file was not loaded".to_string()));
+        };
         let quaternion: [f64; 4] = std::array::from_fn(|_| rng.sample(StandardNormal));
         let translation = std::array::from_fn(|_| self.translation * rng.sample::<f64, _>(StandardNormal));
         let pose = Pose { rotation: rotation_of_quaternion(&quaternion), translation };
-        let source: Vec<[f64; 3]> = (0..self.num_points).map(|_| self.shape.point(direction(rng))).collect();
-        let mut target = source.clone();
-        if self.independent {
-            target.iter_mut().for_each(|p| *p = self.shape.point(direction(rng)));
-        }
+        let source = shape.sample(self.num_points, rng);
+        let mut target = if self.independent { shape.sample(self.num_points, rng) } else { source.clone() };
+        self.cut(&mut target, rng);
         for q in &mut target {
             *q = pose.apply(*q);
             for x in q {
                 *x += self.noise * rng.sample::<f64, _>(StandardNormal);
             }
         }
-        for k in (1..target.len()).rev() {
-            target.swap(k, rng.random_range(0..=k));
-        }
+        let num_clutter = (self.clutter * target.len() as f64).round() as usize;
+        add_uniform(&mut target, num_clutter, rng);
+        shuffle(&mut target, rng);
         let points = |side, rows: &[[f64; 3]]| {
             Points::from_rows(rows).map_err(|problem| ScenarioError::Points { side, problem })
         };
@@ -101,28 +115,21 @@ impl Scenario for Cloud3 {
             source: points("source", &source)?,
             target: points("target", &target)?,
             truth: pose.rotation.iter().chain(&pose.translation).copied().collect(),
-            start: Layout::pose3().neutral(),
+            start: None,
             success: Success::Parts { angle: 5.0_f64.to_radians(), translation: 0.05 },
         })
     }
 }
 
-fn build(parameters: &Parameters) -> Result<Box<dyn Scenario>, EntryError> {
-    let not_negative = |key| parameters.number(key, "a number >= 0", |v| v >= 0.0 && v.is_finite());
-    Ok(Box::new(Cloud3 {
-        shape: Shape::new(parameters.parse("shape", "a whole number >= 0")?),
-        num_points: parameters.count("points", 4, 10_000_000)?,
-        independent: parameters.choice("sampling", &[("permutation", false), ("independent", true)])?,
-        noise: not_negative("noise")?,
-        translation: not_negative("translation")?,
-    }))
-}
-
 pub(super) const ENTRY: ScenarioEntry = ScenarioEntry {
     name: "cloud3",
-    summary: "3D-3D: clouds on an asymmetric surface of radius 1, full random rotation; success below 5 deg and 0.05",
+    summary: "3D-3D: clouds on an asymmetric shape of radius 1, full random rotation, no start; success below 5 deg and 0.05",
     parameters: &[
-        ParameterSpec { name: "shape", default: "1", meaning: "seed of the surface, a whole number >= 0" },
+        ParameterSpec {
+            name: "shape",
+            default: "1",
+            meaning: "seed of a surface (a whole number >= 0), bunny, or a mesh or point file (in the experiment's folder or that of real data), scaled to radius 1 about its centroid",
+        },
         ParameterSpec { name: "points", default: "1000", meaning: "points of each cloud, 4 to 10000000" },
         ParameterSpec {
             name: "sampling",
@@ -131,7 +138,17 @@ pub(super) const ENTRY: ScenarioEntry = ScenarioEntry {
         },
         ParameterSpec { name: "noise", default: "0", meaning: "standard deviation of the target's noise, >= 0" },
         ParameterSpec { name: "translation", default: "0.3", meaning: "standard deviation of the translation, >= 0" },
+        ParameterSpec {
+            name: "clutter",
+            default: "0",
+            meaning: "clutter points added to the target, as a share of its points; uniform in its bounding box enlarged by a fifth",
+        },
+        ParameterSpec {
+            name: "overlap",
+            default: "1",
+            meaning: "share of the target's points that is left, cut by a plane of random direction; 0 < . <= 1",
+        },
     ],
-    source: "project; setting of the 3D-3D experiments of Domokos and Hagege",
-    build,
+    source: "project; setting of the 3D-3D experiments of Domokos and Hagege; bunny: Stanford 3D Scanning Repository",
+    build: |parameters| Ok(Box::new(Cloud3::new(parameters)?)),
 };

@@ -3,6 +3,7 @@
 mod cloud3;
 pub mod curves;
 mod planar_curve;
+mod sampling;
 
 use crate::scenario::ScenarioEntry;
 

@@ -8,11 +8,12 @@ use rand_chacha::ChaCha12Rng;
 use rand_distr::StandardNormal;
 
 use super::curves;
+use super::sampling::{add_uniform, shuffle};
 use crate::scenario::{Scenario, ScenarioEntry, ScenarioError, Success, Trial};
 
-/// Named thetas: Euler angles about x, y, z (R = Rz Ry Rx), then T_bar.
-const NAMED: [(&str, [f64; 6]); 2] =
-    [("A", [0.1, -0.15, 0.2, 0.1, -0.1, 0.15]), ("B", [0.2, 0.3, -0.25, -0.2, 0.15, 0.3])];
+mod theta;
+
+use theta::Theta;
 
 /// A pose is a success when e <= 0.1.
 const THRESHOLD: f64 = 0.1;
@@ -20,16 +21,19 @@ const THRESHOLD: f64 = 0.1;
 /// A planar curve P on the plane z = 1 and its perspective image Q under R P + T_bar.
 ///
 /// Random draws of a trial, in this order:
-/// 1. six normals: theta_0 = theta + b_i randn(6), in (Euler angles, T_bar);
+/// 0. with `theta = random` or `anywhere`: the true pose, see [`Theta`];
+/// 1. six normals (also with `start = none`): theta_0 = theta + b_i randn(6), in (Euler angles, T_bar);
 /// 2. with `b_m`: one normal for every point of the curve, in curve order; the point is kept when |randn| <= b_m;
 /// 3. two normals (x, then y) for every point that is kept, in order: noise b_p randn on the image coordinates;
 /// 4. two uniforms (x, then y) for every one of `outliers`, at (-0.6 + 0.05 rand, -0.4 + 0.05 rand);
 /// 5. two uniforms (x, then y) for every one of `uniform_outliers`, in the bounding box of the points so far, enlarged by
-///    a fifth about its centre.
+///    a fifth about its centre;
+/// 6. with `order = shuffled`: the permutation of the target (Fisher-Yates from the end), then that of the source.
 struct PlanarCurve {
     source: Vec<[f64; 2]>,
-    /// Euler angles and T_bar.
-    theta: [f64; 6],
+    theta: Theta,
+    has_start: bool,
+    is_shuffled: bool,
     b_i: f64,
     b_p: f64,
     b_m: Option<f64>,
@@ -47,7 +51,9 @@ impl PlanarCurve {
         };
         Ok(Self {
             source: curves::points(parameters.text("curve"), scale)?,
-            theta: theta_of(parameters)?,
+            theta: Theta::of(parameters)?,
+            has_start: parameters.choice("start", &[("guess", true), ("none", false)])?,
+            is_shuffled: parameters.choice("order", &[("curve", false), ("shuffled", true)])?,
             b_i: not_negative("b_i")?,
             b_p: not_negative("b_p")?,
             b_m,
@@ -57,11 +63,8 @@ impl PlanarCurve {
     }
 
     /// Draw the target points, steps 2 to 5.
-    fn image(&self, rng: &mut ChaCha12Rng) -> Result<Vec<[f64; 2]>, ScenarioError> {
-        let pose = Pose {
-            rotation: rotation_of_euler(&self.theta[..3]),
-            translation: [self.theta[3], self.theta[4], self.theta[5]],
-        };
+    fn image(&self, theta: &[f64; 6], rng: &mut ChaCha12Rng) -> Result<Vec<[f64; 2]>, ScenarioError> {
+        let pose = Pose { rotation: rotation_of_euler(&theta[..3]), translation: [theta[3], theta[4], theta[5]] };
         let mut image = Vec::with_capacity(self.source.len() + self.outliers + self.uniform_outliers);
         for p in &self.source {
             let keep = match self.b_m {
@@ -92,43 +95,15 @@ impl PlanarCurve {
     }
 }
 
-/// Read `A`, `B` or six numbers.
-fn theta_of(parameters: &Parameters) -> Result<[f64; 6], EntryError> {
-    let text = parameters.text("theta");
-    if let Some((_, theta)) = NAMED.iter().find(|(name, _)| *name == text) {
-        return Ok(*theta);
-    }
-    let numbers: Option<Vec<f64>> =
-        text.split_whitespace().map(|word| word.parse().ok().filter(|v: &f64| v.is_finite())).collect();
-    numbers
-        .and_then(|numbers| numbers.try_into().ok())
-        .ok_or_else(|| parameters.bad("theta", "expected A, B or six numbers: Euler angles about x, y, z, then T_bar"))
-}
-
-/// Add `count` points, uniform in the bounding box of the points enlarged by a fifth.
-fn add_uniform(image: &mut Vec<[f64; 2]>, count: usize, rng: &mut ChaCha12Rng) {
-    let bounds = [0, 1].map(|d| {
-        image.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), q| (low.min(q[d]), high.max(q[d])))
-    });
-    if image.is_empty() {
-        return;
-    }
-    for _ in 0..count {
-        image.push(bounds.map(|(low, high)| {
-            let (centre, size) = (0.5 * (low + high), 1.2 * (high - low));
-            centre + size * (rng.random::<f64>() - 0.5)
-        }));
-    }
-}
-
 impl Scenario for PlanarCurve {
     fn model(&self) -> &str {
         "plane-bearing"
     }
 
     fn trial(&self, rng: &mut ChaCha12Rng) -> Result<Trial, ScenarioError> {
-        let start = self.theta.map(|v| v + self.b_i * rng.sample::<f64, _>(StandardNormal));
-        let image = self.image(rng)?;
+        let theta = self.theta.draw(&self.source, rng)?;
+        let start = theta.map(|v| v + self.b_i * rng.sample::<f64, _>(StandardNormal));
+        let mut image = self.image(&theta, rng)?;
         let points = |side, rows: &[[f64; 2]]| {
             Points::from_rows(rows).map_err(|problem| ScenarioError::Points { side, problem })
         };
@@ -137,11 +112,19 @@ impl Scenario for PlanarCurve {
                 .from_list(theta, RotationForm::Euler)
                 .map_err(|problem| ScenarioError::Impossible(problem.to_string()))
         };
+        let source = if self.is_shuffled {
+            let mut source = self.source.clone();
+            shuffle(&mut image, rng);
+            shuffle(&mut source, rng);
+            points("source", &source)?
+        } else {
+            points("source", &self.source)?.in_curve_order()
+        };
         Ok(Trial {
-            source: points("source", &self.source)?.in_curve_order(),
+            source,
             target: points("target", &image)?,
-            truth: ambient(&self.theta)?,
-            start: ambient(&start)?,
+            truth: ambient(&theta)?,
+            start: if self.has_start { Some(ambient(&start)?) } else { None },
             success: Success::Error(THRESHOLD),
         })
     }
@@ -160,7 +143,7 @@ pub(super) const ENTRY: ScenarioEntry = ScenarioEntry {
         ParameterSpec {
             name: "theta",
             default: "B",
-            meaning: "true pose: A, B or six numbers (Euler angles about x, y, z in rad with R = Rz Ry Rx, then T_bar)",
+            meaning: "true pose: A, B or six numbers (Euler angles about x, y, z in rad with R = Rz Ry Rx, then T_bar), or drawn anew each trial: random (angles within 0.5, depth 0.9 to 1.5), anywhere (full turn, tilt below 46 deg, depth 0.9 to 1.8)",
         },
         ParameterSpec { name: "b_i", default: "0.1", meaning: "standard deviation of the start about the truth, >= 0" },
         ParameterSpec { name: "b_p", default: "0", meaning: "standard deviation of the image noise, >= 0" },
@@ -174,6 +157,16 @@ pub(super) const ENTRY: ScenarioEntry = ScenarioEntry {
             name: "uniform_outliers",
             default: "0",
             meaning: "outliers uniform in the image's bounding box enlarged by a fifth",
+        },
+        ParameterSpec {
+            name: "start",
+            default: "guess",
+            meaning: "guess (the truth disturbed by b_i) or none: the method finds its own",
+        },
+        ParameterSpec {
+            name: "order",
+            default: "curve",
+            meaning: "curve (source and image in curve order) or shuffled (both permuted, the source not marked as a curve)",
         },
     ],
     source: "section IV.C, Table I (a), (b) and the paragraph on outliers",

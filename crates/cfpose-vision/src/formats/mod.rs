@@ -2,9 +2,9 @@
 
 mod mask;
 mod npy;
-mod obj;
+pub(crate) mod obj;
 mod pcd;
-mod ply;
+pub(crate) mod ply;
 mod text;
 
 use cfpose::Points;

@@ -99,13 +99,14 @@ fn shape(header: &str) -> Result<(u64, usize), Fault> {
         let fields = inside.split(',').map(str::trim).filter(|field| !field.is_empty());
         fields.map(|field| field.trim_end_matches('L').parse().ok()).collect()
     });
-    let refuse = |advice| Fault::Unsupported { what: format!("the shape {:?}", excerpt(text)), advice };
+    let shape = format!("the shape ({})", excerpt(inside.unwrap_or_default()));
+    let refuse = |advice| Fault::Unsupported { what: shape.clone(), advice };
     match parsed.as_deref() {
         Some([rows]) => Ok((*rows, 1)),
         Some([rows, dim @ 1..=3]) => Ok((*rows, *dim as usize)),
         Some([1..=3, _]) => Err(refuse("save the transposed array, one row a point")),
         Some(_) => Err(refuse(RESAVE)),
-        None => Err(Fault::Header { what: format!("has the shape {:?}", excerpt(text)) }),
+        None => Err(Fault::Header { what: format!("has the shape {:?}", excerpt(text.trim_end())) }),
     }
 }
 

@@ -42,7 +42,7 @@ fn read_ascii(header: &Header, lines: Lines, mut gather: Gather) -> Result<Gathe
     let mut held = 0;
     for (at, text) in rows {
         if held == header.points {
-            return Ok(gather);
+            return Err(Flaw::new(at, extra(header)));
         }
         held += 1;
         let fields: Vec<&str> = text.split_whitespace().collect();
@@ -54,11 +54,16 @@ fn read_ascii(header: &Header, lines: Lines, mut gather: Gather) -> Result<Gathe
     if held < header.points { Err(claims("points", header.points, held).into()) } else { Ok(gather) }
 }
 
-/// Check that the bytes hold the points, and return how many there are.
+fn extra(header: &Header) -> Fault {
+    Fault::Extra { what: "points".to_string(), claimed: header.points.to_string() }
+}
+
+/// Check that the bytes hold just the points, and return how many there are; what is less than a point may follow.
 fn check_size(header: &Header, stride: usize, bytes: usize) -> Result<usize, Fault> {
     let held = bytes / stride.max(1);
     match usize::try_from(header.points) {
-        Ok(points) if points <= held => Ok(points),
+        Ok(points) if points == held || stride == 0 && points == 0 => Ok(points),
+        Ok(points) if points < held => Err(extra(header)),
         _ => Err(claims("points", header.points, held as u64)),
     }
 }

@@ -120,18 +120,27 @@ impl Words {
         Ok(Field { name, scalar, count })
     }
 
-    /// Return POINTS or, as in old files, WIDTH times HEIGHT.
+    /// Return POINTS or, as in old files, WIDTH times HEIGHT; where both are there they agree.
     fn points(&self) -> Result<u64, Fault> {
         let number = |words: &[String], name: &str| -> Result<u64, Fault> {
             let word = words.first().map(String::as_str).unwrap_or_default();
             word.parse().map_err(|_| Fault::Header { what: format!("gives {name} as {:?}", excerpt(word)) })
         };
-        if !self.points.is_empty() {
-            return number(&self.points, "POINTS");
+        let points = if self.points.is_empty() { None } else { Some(number(&self.points, "POINTS")?) };
+        let is_organised = !self.width.is_empty() && !self.height.is_empty();
+        if let Some(points) = points.filter(|_| !is_organised) {
+            return Ok(points);
         }
         let (width, height) = (number(&self.width, "WIDTH")?, number(&self.height, "HEIGHT")?);
-        width
+        let product = width
             .checked_mul(height)
-            .ok_or_else(|| Fault::Header { what: "gives WIDTH and HEIGHT beyond all files".into() })
+            .ok_or_else(|| Fault::Header { what: "gives WIDTH and HEIGHT beyond all files".into() })?;
+        match points {
+            Some(points) if points != product => {
+                let what = format!("gives POINTS {points}, but WIDTH {width} x HEIGHT {height} are {product}");
+                Err(Fault::Header { what })
+            }
+            _ => Ok(product),
+        }
     }
 }

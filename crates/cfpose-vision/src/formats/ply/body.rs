@@ -22,11 +22,27 @@ pub(super) fn read(header: &Header, mut lines: Lines, mut gather: Gather) -> Res
             Encoding::Binary { big_endian } => rest = read_binary(element, rest, big_endian, vertices)?,
         }
     }
+    check_end(header, lines, rest)?;
     Ok(gather)
 }
 
+/// Check that nothing but blanks follows the last element.
+fn check_end(header: &Header, mut lines: Lines, rest: &[u8]) -> Result<(), Flaw> {
+    let Some(last) = header.elements.iter().rfind(|element| !element.properties.is_empty()) else { return Ok(()) };
+    let what = format!("elements of {:?}", excerpt(&last.name));
+    let extra = Fault::Extra { what, claimed: last.count.to_string() };
+    match header.encoding {
+        Encoding::Ascii => match lines.find(|(_, text)| !text.trim().is_empty()) {
+            Some((line, _)) => Err(Flaw::new(Place::Line(line), extra)),
+            None => Ok(()),
+        },
+        Encoding::Binary { .. } if rest.iter().all(u8::is_ascii_whitespace) => Ok(()),
+        Encoding::Binary { .. } => Err(Flaw::new(Place::Row(last.count.saturating_add(1) as usize), extra)),
+    }
+}
+
 /// Say that the file ends before the elements that its header claims.
-fn short(element: &Element, held: u64) -> Flaw {
+pub(super) fn short(element: &Element, held: u64) -> Flaw {
     let what = format!("elements of {:?}", excerpt(&element.name));
     Fault::Claims { what, claimed: element.count.to_string(), held: held.to_string() }.into()
 }
@@ -104,7 +120,7 @@ fn read_binary<'a>(
 }
 
 /// Find where each property of one element begins and where the element ends; `None` where the bytes end before.
-fn measure(
+pub(super) fn measure(
     properties: &[Property],
     bytes: &[u8],
     big_endian: bool,

@@ -6,6 +6,7 @@
 //! Source: G. Turk, "The PLY polygon file format", 1994. As there, an ascii element stands on one line.
 
 mod body;
+mod faces;
 mod header;
 
 use cfpose::Points;
@@ -26,6 +27,13 @@ pub(super) fn read(bytes: &[u8], _options: &ReadOptions) -> Result<PointTable, F
     let names: Vec<String> = vertex.properties.iter().map(|property| property.name.clone()).collect();
     let gather = Gather::new(Layout::by_xyz(&names, "vertex property")?);
     body::read(&header, lines, gather)?.finish()
+}
+
+/// Read the faces of a file of so many vertices.
+pub(crate) fn triangles(bytes: &[u8], num_vertices: usize) -> Result<Vec<[usize; 3]>, Flaw> {
+    let mut lines = Lines::new(bytes);
+    let header = header::parse(&mut lines)?;
+    faces::read(&header, lines, num_vertices)
 }
 
 /// Write ascii with properties of type double.
