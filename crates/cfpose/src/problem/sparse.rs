@@ -19,15 +19,33 @@ impl SparseMatrix {
 
     /// Append self * rows, where `rows` has `width` columns.
     pub fn apply(&self, rows: &[f64], width: usize, out: &mut Vec<f64>) {
-        for range in self.starts.windows(2) {
-            let start = out.len();
-            out.resize(start + width, 0.0);
+        let start = out.len();
+        out.resize(start + (self.starts.len() - 1) * width, 0.0);
+        let out = &mut out[start..];
+        // Columns in runs of fixed length, so that each sum stays in registers.
+        let mut column = 0;
+        while column < width {
+            column += match width - column {
+                6.. => self.apply_columns::<6>(rows, width, column, out),
+                3.. => self.apply_columns::<3>(rows, width, column, out),
+                _ => self.apply_columns::<1>(rows, width, column, out),
+            };
+        }
+    }
+
+    /// Write the columns `first..first + N` of self * rows; returns N.
+    fn apply_columns<const N: usize>(&self, rows: &[f64], width: usize, first: usize, out: &mut [f64]) -> usize {
+        for (range, out) in self.starts.windows(2).zip(out.chunks_exact_mut(width)) {
+            let mut sum = [0.0; N];
             for (k, factor) in &self.entries[range[0]..range[1]] {
-                for (value, entry) in out[start..].iter_mut().zip(&rows[k * width..(k + 1) * width]) {
-                    *value += factor * entry;
+                let row = &rows[k * width + first..k * width + first + N];
+                for j in 0..N {
+                    sum[j] += factor * row[j];
                 }
             }
+            out[first..first + N].copy_from_slice(&sum);
         }
+        N
     }
 
     /// Return each row as (column, value) pairs.
