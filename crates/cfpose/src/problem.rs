@@ -248,7 +248,11 @@ impl MomentProblem {
 
     /// Return the number of features of one group.
     pub fn num_features(&self) -> usize {
-        self.family.num_features(self.model.dim())
+        // The family would have to write its coefficient matrix to count its rows: solvers ask too often for that.
+        match &self.coefficients {
+            Some(matrix) => matrix.num_rows(),
+            None => self.family.num_basis(self.model.dim()),
+        }
     }
 
     /// Return the number of feature rows before weighting.

@@ -112,10 +112,12 @@ impl<M: Map<POINT, ROWS, DIM>, const POINT: usize, const ROWS: usize, const DIM:
             self.map.affine(theta, &mut prepared.a, &mut prepared.b);
             return prepared;
         }
-        let zero = DualSVec64::from(0.0);
+        prepared.da.reserve_exact(tangent * size);
+        prepared.db.reserve_exact(tangent * ROWS);
         for first in (0..tangent).step_by(SEEDS) {
-            let (mut a, mut b) = (vec![zero; size], vec![zero; ROWS]);
-            self.map.affine(&seed_theta(theta, basis, tangent, first), &mut a, &mut b);
+            let mut image = vec![DualSVec64::from(0.0); size + ROWS];
+            let (a, b) = image.split_at_mut(size);
+            self.map.affine(&seed_theta(theta, basis, tangent, first), a, b);
             if first == 0 {
                 prepared.a = a.iter().map(|dual| dual.re).collect();
                 prepared.b = b.iter().map(|dual| dual.re).collect();

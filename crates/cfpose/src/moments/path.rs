@@ -127,11 +127,8 @@ impl MomentPath {
         let mut affine = [0.0; 12];
         self.fold(&prepared.a, &prepared.b, &transform.mean(), transform, &mut affine);
         let num = self.starts.len() - 1;
-        let mut means = Means {
-            values: vec![0.0; num],
-            jacobian: vec![0.0; num * prepared.tangent],
-            tangent: prepared.tangent,
-        };
+        let mut means =
+            Means { values: vec![0.0; num], jacobian: vec![0.0; num * prepared.tangent], tangent: prepared.tangent };
         let (path, affine) = (self, &affine);
         // Rows of all levels together: (degree + 3 choose 3), one more a level and two at the end.
         match self.degree {

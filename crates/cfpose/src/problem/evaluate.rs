@@ -68,7 +68,8 @@ impl MomentProblem {
         }
         let (model_theta, nuisance) = self.split(theta);
         let model_basis = &basis[..model_theta.len() * tangent];
-        let (mut residual, mut jacobian) = (Vec::new(), Vec::new());
+        let num_rows = self.num_feature_rows();
+        let (mut residual, mut jacobian) = (Vec::with_capacity(num_rows), Vec::with_capacity(num_rows * tangent));
         for group in &self.groups {
             let prepared = self.model.source.prepare(model_theta, model_basis, tangent);
             let mut source = self.source_means(group, prepared, execution);

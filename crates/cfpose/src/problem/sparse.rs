@@ -17,10 +17,15 @@ impl SparseMatrix {
         Self { starts, entries }
     }
 
+    /// Return the number of rows.
+    pub fn num_rows(&self) -> usize {
+        self.starts.len() - 1
+    }
+
     /// Append self * rows, where `rows` has `width` columns.
     pub fn apply(&self, rows: &[f64], width: usize, out: &mut Vec<f64>) {
         let start = out.len();
-        out.resize(start + (self.starts.len() - 1) * width, 0.0);
+        out.resize(start + self.num_rows() * width, 0.0);
         let out = &mut out[start..];
         // Columns in runs of fixed length, so that each sum stays in registers.
         let mut column = 0;
