@@ -235,9 +235,16 @@ impl<const WIDTH: usize, const ROWS: usize> WithSimd for Recursion<'_, WIDTH, RO
         for (value, head) in self.means.values.iter_mut().zip(&heads) {
             *value = head[3];
         }
-        let tangent = self.prepared.tangent;
-        for first in (0..tangent).step_by(COLUMNS) {
-            slopes(simd, path, self.prepared, self.transform, first, &heads, &mut self.means.jacobian);
+        let slopes = Slopes { path, prepared: self.prepared, transform: self.transform, heads: &heads };
+        // Passes of fixed width: with a width known at run time only, copying a row costs more than summing it.
+        let (mut first, jacobian) = (0, &mut self.means.jacobian);
+        while first < self.prepared.tangent {
+            first += match self.prepared.tangent - first {
+                8.. => slopes.pass::<S, 8>(simd, first, jacobian),
+                6.. => slopes.pass::<S, 6>(simd, first, jacobian),
+                3.. => slopes.pass::<S, 3>(simd, first, jacobian),
+                _ => slopes.pass::<S, 1>(simd, first, jacobian),
+            };
         }
     }
 }
@@ -276,48 +283,48 @@ impl<const WIDTH: usize, const ROWS: usize> Recursion<'_, WIDTH, ROWS> {
     }
 }
 
-/// Write the derivatives along the directions `first..first + COLUMNS`:
-/// d mean(x^e) = sum_q e_q (sum_k dA_qk mean(x^(e - 1_q) u_k) + db_q mean(x^(e - 1_q))).
-#[inline(always)]
-fn slopes<S: Simd>(
-    simd: S,
-    path: &MomentPath,
-    prepared: &PreparedMap,
-    transform: &Transform,
-    first: usize,
-    heads: &[[f64; 4]],
-    jacobian: &mut [f64],
-) {
-    let tangent = prepared.tangent;
-    let width = COLUMNS.min(tangent - first);
-    // Direction c of coordinate q and column k at [q * 4 + k][c].
-    let mut directions = [[0.0; COLUMNS]; 12];
-    let (size, num_rows) = (path.dim * path.lift_len, path.dim);
-    for c in 0..width {
-        let j = first + c;
-        let mut direction = [0.0; 12];
-        let (a, b) = (&prepared.da[j * size..(j + 1) * size], &prepared.db[j * num_rows..(j + 1) * num_rows]);
-        path.fold(a, b, &[0.0; 3], transform, &mut direction);
-        for entry in 0..12 {
-            directions[entry][c] = direction[entry];
-        }
-    }
-    for (e, out) in jacobian.chunks_exact_mut(tangent).enumerate() {
-        let terms = &path.terms[path.starts[e]..path.starts[e + 1]];
-        let mut row = [0.0; COLUMNS];
-        let mut lane = 0;
-        while lane < COLUMNS {
-            let mut sum = Lane::splat(simd, 0.0);
-            for term in terms {
-                let head = &heads[term.lower];
-                for k in 0..4 {
-                    let direction = Lane::load(simd, &directions[term.q * 4 + k][lane..]);
-                    sum = Lane::splat(simd, term.factor * head[k]).mul_add(direction, sum);
-                }
+/// The derivatives, d mean(x^e) = sum_q e_q (sum_k dA_qk mean(x^(e - 1_q) u_k) + db_q mean(x^(e - 1_q))).
+struct Slopes<'a> {
+    path: &'a MomentPath,
+    prepared: &'a PreparedMap,
+    transform: &'a Transform,
+    heads: &'a [[f64; 4]],
+}
+
+impl Slopes<'_> {
+    /// Write the directions `first..first + N`, N at most [`COLUMNS`]; returns N.
+    #[inline(always)]
+    fn pass<S: Simd, const N: usize>(&self, simd: S, first: usize, jacobian: &mut [f64]) -> usize {
+        let (path, prepared) = (self.path, self.prepared);
+        // Direction c of coordinate q and column k at [q * 4 + k][c].
+        let mut directions = [[0.0; COLUMNS]; 12];
+        let (size, num_rows) = (path.dim * path.lift_len, path.dim);
+        for c in 0..N {
+            let j = first + c;
+            let mut direction = [0.0; 12];
+            let (a, b) = (&prepared.da[j * size..(j + 1) * size], &prepared.db[j * num_rows..(j + 1) * num_rows]);
+            path.fold(a, b, &[0.0; 3], self.transform, &mut direction);
+            for entry in 0..12 {
+                directions[entry][c] = direction[entry];
             }
-            sum.store(&mut row[lane..]);
-            lane += S::F64_LANES;
         }
-        out[first..first + width].copy_from_slice(&row[..width]);
+        for (range, out) in path.starts.windows(2).zip(jacobian.chunks_exact_mut(prepared.tangent)) {
+            let mut row = [0.0; COLUMNS];
+            let mut lane = 0;
+            while lane < COLUMNS {
+                let mut sum = Lane::splat(simd, 0.0);
+                for term in &path.terms[range[0]..range[1]] {
+                    let head = &self.heads[term.lower];
+                    for k in 0..4 {
+                        let direction = Lane::load(simd, &directions[term.q * 4 + k][lane..]);
+                        sum = Lane::splat(simd, term.factor * head[k]).mul_add(direction, sum);
+                    }
+                }
+                sum.store(&mut row[lane..]);
+                lane += S::F64_LANES;
+            }
+            out[first..first + N].copy_from_slice(&row[..N]);
+        }
+        N
     }
 }

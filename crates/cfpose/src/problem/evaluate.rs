@@ -85,13 +85,13 @@ impl MomentProblem {
             let target = moving.as_ref().map(|means| &means.values).or(group.fixed_target.as_ref());
             let target = target.map_or(&[][..], Vec::as_slice);
             if let Some(means) = means.as_deref_mut() {
-                self.to_features(&source.values, 1, &mut means.source);
-                self.to_features(target, 1, &mut means.target);
+                self.to_features(execution.isa, &source.values, 1, &mut means.source);
+                self.to_features(execution.isa, target, 1, &mut means.target);
             }
             // C is applied to the difference of the basis means: once, not once a side.
             source.values.iter_mut().zip(target).for_each(|(a, b)| *a -= b);
-            self.to_features(&source.values, 1, &mut residual);
-            self.to_features(&source.jacobian, tangent, &mut jacobian);
+            self.to_features(execution.isa, &source.values, 1, &mut residual);
+            self.to_features(execution.isa, &source.jacobian, tangent, &mut jacobian);
         }
         if let Some(whitening) = &self.whitening {
             let num_rows = residual.len();
@@ -117,10 +117,10 @@ impl MomentProblem {
     }
 
     /// Append C times basis rows of `width` columns.
-    fn to_features(&self, rows: &[f64], width: usize, out: &mut Vec<f64>) {
+    fn to_features(&self, isa: Isa, rows: &[f64], width: usize, out: &mut Vec<f64>) {
         match &self.coefficients {
             None => out.extend_from_slice(rows),
-            Some(c) => c.apply(rows, width, out),
+            Some(c) => c.apply(isa, rows, width, out),
         }
     }
 }
