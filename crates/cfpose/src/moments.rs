@@ -90,7 +90,8 @@ impl Moments {
         let prepared = map.prepare(&[0.0], &[], 0);
         let transform = Transform::new(centre, matrix);
         let Sums { weight, value, .. } =
-            Side { map: map.as_ref(), prepared, transform: &transform, points, family: &family }.sums(execution);
+            Side { map: map.as_ref(), prepared, transform: &transform, points, family: &family, closure: None }
+                .sums(execution);
         Self { dim, degree, centre, scale, weight, sums: value }
     }
 

@@ -41,8 +41,8 @@ impl MomentProblem {
         prepared: PreparedMap,
         execution: &Execution,
     ) -> Means {
-        let side = Side { map, prepared, transform: &self.transform, points, family: self.family.as_ref() };
-        side.sums(execution).means()
+        let (family, closure) = (self.family.as_ref(), self.closure.as_ref());
+        Side { map, prepared, transform: &self.transform, points, family, closure }.sums(execution).means()
     }
 
     /// Return the means of the source side, from moments where there are any.
