@@ -16,7 +16,7 @@ impl Map<2, 2, 2> for Shear {
     }
 }
 
-static SHEAR: ModelEntry = ModelEntry {
+pub static SHEAR: ModelEntry = ModelEntry {
     name: "shear2",
     summary: "planar shear with translation",
     parameters: &[],

@@ -551,15 +551,21 @@ impl Manifold for Product {
     fn basis(&self, theta: &[f64], out: &mut [f64]) {
         let m = self.tangent();
         out[..self.ambient() * m].fill(0.0);
-        let mut local = Vec::new();
+        // Solvers ask for it at every step: a rotation's basis needs no allocation.
+        let (mut small, mut large) = ([0.0; 27], Vec::new());
         for p in self.parts() {
             let width = p.tangent.len();
-            local.resize(p.ambient.len() * width, 0.0);
-            p.factor.basis(&theta[p.ambient.clone()], &mut local);
+            let size = p.ambient.len() * width;
+            let local = if size <= small.len() {
+                &mut small[..size]
+            } else {
+                large.resize(size, 0.0);
+                &mut large[..]
+            };
+            p.factor.basis(&theta[p.ambient.clone()], local);
             for (i, row) in p.ambient.enumerate() {
-                for j in 0..width {
-                    out[row * m + p.tangent.start + j] = local[i * width + j];
-                }
+                out[row * m + p.tangent.start..row * m + p.tangent.end]
+                    .copy_from_slice(&local[i * width..(i + 1) * width]);
             }
         }
     }

@@ -15,14 +15,17 @@ pub use factored::Factored;
 pub(crate) use factored::seed_theta;
 pub use general::General;
 
-/// [`BLOCK`] values on a cache-line boundary.
+/// [`BLOCK`] values on a cache-line boundary, and one cache line of padding.
+///
+/// Without it the same place of all rows would fall into 8 of the 64 sets of the cache, and a hundred rows would evict each other.
 #[repr(align(64))]
 #[derive(Debug, Clone, Copy)]
-pub struct Row(pub [f64; BLOCK]);
+#[allow(dead_code)] // the padding is there to be skipped
+pub struct Row(pub [f64; BLOCK], [f64; 8]);
 
 impl Row {
     /// A row of zeros.
-    pub const ZERO: Row = Row([0.0; BLOCK]);
+    pub const ZERO: Row = Row([0.0; BLOCK], [0.0; 8]);
 }
 
 /// The affine normalisation x -> matrix (x - mean) of the feature space.
@@ -156,6 +159,8 @@ pub struct PreparedMap {
     pub da: Vec<f64>,
     /// db/dtheta_j, tangent x rows.
     pub db: Vec<f64>,
+    /// Whether dA/dtheta_j = 0, as for a translation: no point changes that derivative before the projection.
+    pub constant: Vec<bool>,
     /// Ambient theta.
     pub theta: Vec<f64>,
     /// Tangent basis, ambient x tangent.

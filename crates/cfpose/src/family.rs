@@ -44,6 +44,34 @@ pub trait Family: Send + Sync + 'static {
     fn monomials(&self, _dim: usize) -> Option<&[[usize; 3]]> {
         None
     }
+
+    /// Return the gradients of all basis functions as combinations of basis functions, where there are such: data that save the
+    /// derivatives per point. The conformance check compares them with automatic differentiation. A function without terms is
+    /// constant.
+    fn gradient_terms(&self, _dim: usize) -> Option<Vec<GradientTerm>> {
+        None
+    }
+}
+
+/// One term of a gradient: d phi_function / d x_q contains factor * phi_of.
+///
+/// ```
+/// use cfpose::{BuildContext, Registry};
+/// // The monomials 1, x, x^2: d x^2 / dx = 2 x.
+/// let family = Registry::default().family("monomial[degree=2]", &BuildContext::default()).unwrap();
+/// let terms = family.gradient_terms(1).unwrap();
+/// assert_eq!((terms[1].function, terms[1].q, terms[1].of, terms[1].factor), (2, 0, 1, 2.0));
+/// ```
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct GradientTerm {
+    /// Basis function that is differentiated.
+    pub function: usize,
+    /// Coordinate, from 0.
+    pub q: usize,
+    /// Basis function of the term.
+    pub of: usize,
+    /// Its factor.
+    pub factor: f64,
 }
 
 /// A family that applies the same one-dimensional functions to each coordinate.
@@ -161,6 +189,11 @@ pub trait DynFamily: Send + Sync {
 
     /// Return the exponents of a basis of monomials, as [`Family::monomials`].
     fn monomials(&self, _dim: usize) -> Option<&[[usize; 3]]> {
+        None
+    }
+
+    /// Return the gradients of the basis in its own terms, as [`Family::gradient_terms`].
+    fn gradient_terms(&self, _dim: usize) -> Option<Vec<GradientTerm>> {
         None
     }
 

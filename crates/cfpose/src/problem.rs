@@ -11,7 +11,7 @@ use crate::block::{DynMap, LiftedPoints, MapBlock, Transform};
 use crate::error::Error;
 use crate::families::quadrature_blur::QuadratureBlur;
 use crate::family::DynFamily;
-use crate::means::Execution;
+use crate::means::{Closure, Execution};
 use crate::model::Model;
 use crate::moments::MomentPath;
 use crate::points::{BLOCK, Points, PointsError};
@@ -88,6 +88,7 @@ pub struct MomentProblem {
     /// Square root of W: rows x all features of all groups.
     whitening: Option<Vec<f64>>,
     coefficients: Option<SparseMatrix>,
+    closure: Option<Closure>,
     execution: Execution,
     manifold: Product,
 }
@@ -121,6 +122,7 @@ impl MomentProblem {
         let manifold = Product::new(model.layout.manifold().factors().to_vec());
         let problem = Self {
             coefficients: sparse_coefficients(family.as_ref(), dim),
+            closure: Closure::of(family.as_ref(), dim),
             extra: model.regulariser.iter().cloned().collect(),
             model,
             family,
@@ -182,6 +184,7 @@ impl MomentProblem {
         if noise != Noise::None && !has_blur(self.family.as_ref(), dim) {
             self.family = Arc::new(QuadratureBlur::new(self.family, 5, 0.1));
             self.coefficients = sparse_coefficients(self.family.as_ref(), dim);
+            self.closure = Closure::of(self.family.as_ref(), dim);
             for index in 0..self.groups.len() {
                 self.groups[index].moments = None;
                 self.groups[index].fixed_target = self.fixed_target(&self.groups[index].target);
@@ -273,7 +276,11 @@ impl MomentProblem {
 
     /// Return the number of features of one group.
     pub fn num_features(&self) -> usize {
-        self.family.num_features(self.model.dim())
+        // The family would have to write its coefficient matrix to count its rows: solvers ask too often for that.
+        match &self.coefficients {
+            Some(matrix) => matrix.num_rows(),
+            None => self.family.num_basis(self.model.dim()),
+        }
     }
 
     /// Return the number of feature rows before weighting.

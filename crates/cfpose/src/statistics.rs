@@ -157,7 +157,7 @@ pub(crate) fn features(problem: &MomentProblem, isa: Isa, points: &[[f64; 3]]) -
                 *value = column.0[k];
             }
             column.clear();
-            problem.to_features(&values, 1, &mut column);
+            problem.to_features(isa, &values, 1, &mut column);
             row.copy_from_slice(&column);
         }
     }

@@ -1,12 +1,13 @@
 //! `cfpose check`: what every registered entry must hold, and how well conditioned and fast the pairs are.
 
+use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 
 use cfpose::check::{Sample, derivatives};
 use cfpose::coverage::coverage;
 use cfpose::entry::{NamedEntry, find, parse_spec, suggest};
 use cfpose::problem::MomentProblem;
-use cfpose::{BuildContext, Execution, Points, Registry};
+use cfpose::{BuildContext, Execution, Isa, Points, Registry};
 use cfpose_optim::LeastSquares;
 use cfpose_optim::linear::svd;
 use serde::Serialize;
@@ -27,6 +28,11 @@ const NUM_POINTS: usize = 500;
 const SPREAD: f64 = 0.4;
 /// Time spent on measuring the speed of one pair.
 const MEASURE: Duration = Duration::from_millis(10);
+/// Points on which lanes are compared with plain numbers: one chunk of the sums.
+const SPEED_POINTS: usize = 4096;
+/// Share of the lanes below which an entry is called slow. Healthy pairs reach 0.5 to 1,
+/// code that is not inlined ends below 0.3.
+const HEALTHY_SHARE: f64 = 0.35;
 
 /// One checked pair of model and family, or one reason to skip it.
 #[derive(Debug, Serialize)]
@@ -41,6 +47,8 @@ struct Line {
     instruction_sets: Option<f64>,
     condition: Option<f64>,
     nanoseconds_per_point: Option<f64>,
+    /// Time on plain numbers over time on lanes, sums over points only; none without vectors.
+    lane_speedup: Option<f64>,
     skipped: Option<String>,
 }
 
@@ -51,6 +59,8 @@ struct Report {
     solvers: Vec<SolverLine>,
     /// Directions of a rigid motion of the data that a family does not see, in words.
     coverage: Vec<String>,
+    /// Entries whose per-point code runs much slower on lanes than it should.
+    warnings: Vec<String>,
 }
 
 /// The entries that a name selects.
@@ -70,17 +80,22 @@ pub fn run(args: &CheckArgs) -> Result<(), Failure> {
     let chosen = chosen(args.name.as_deref(), &registry)?;
     let execution = Execution { isa: inputs::isa(&args.isa)?, pool: None };
     let points = args.on.as_deref().map(inputs::read).transpose()?;
-    let mut report = Report { pairs: Vec::new(), solvers: Vec::new(), coverage: Vec::new() };
+    let mut report = Report { pairs: Vec::new(), solvers: Vec::new(), coverage: Vec::new(), warnings: Vec::new() };
     for model in &chosen.models {
+        let many = Sample::draw(&registry, model, SPEED_POINTS, SPREAD, args.seed).ok();
         let sample = match &points {
             Some(points) => Sample::on(&registry, model, points, SPREAD, args.seed),
             None => Sample::draw(&registry, model, NUM_POINTS, SPREAD, args.seed),
         };
         for family in &chosen.families {
-            report.pairs.push(match &sample {
+            let mut line = match &sample {
                 Ok(sample) => check(&registry, model, family, sample, &execution)?,
                 Err(error) => Line::skipped(model, family, error.to_string()),
-            });
+            };
+            if let (Some(_), Some(many)) = (line.passed, &many) {
+                line.lane_speedup = lane_speedup(&registry, family, many, &execution)?;
+            }
+            report.pairs.push(line);
         }
     }
     if let (Some(points), Some(_)) = (&points, &args.name) {
@@ -89,11 +104,12 @@ pub fn run(args: &CheckArgs) -> Result<(), Failure> {
     for solver in &chosen.solvers {
         report.solvers.push(SolverLine::check(&registry, solver)?);
     }
+    report.warnings = slow_entries(&report.pairs, execution.isa);
     let json = args.json.as_deref();
     if !report.pairs.is_empty() {
         output::show(&table(&report.pairs), json)?;
     }
-    for text in &report.coverage {
+    for text in report.warnings.iter().chain(&report.coverage) {
         output::show(text, json)?;
     }
     if !report.solvers.is_empty() {
@@ -165,6 +181,7 @@ impl Line {
             instruction_sets: None,
             condition: None,
             nanoseconds_per_point: None,
+            lane_speedup: None,
             skipped: Some(reason),
         }
     }
@@ -213,8 +230,68 @@ fn speed(problem: &MomentProblem, theta: &[f64], source: &Points, target: &Point
     begun.elapsed().as_secs_f64() * 1e9 / f64::from(runs) / num_points as f64
 }
 
+/// Measure how much faster the sums over points are on lanes than on plain numbers, shortest times in turns.
+fn lane_speedup(
+    registry: &Registry,
+    family: &str,
+    sample: &Sample,
+    execution: &Execution,
+) -> Result<Option<f64>, Failure> {
+    if execution.isa.lanes() == 1 {
+        return Ok(None);
+    }
+    let Some(problem) = sample.problem(registry, family, execution)? else { return Ok(None) };
+    let problem = problem.with_direct_sums();
+    let sets = [execution.isa, Isa::baseline()];
+    let mut best = [f64::MAX; 2];
+    let begun = Instant::now();
+    let mut rounds = 0;
+    while rounds < 3 || begun.elapsed() < MEASURE {
+        for (isa, best) in sets.iter().zip(&mut best) {
+            let start = Instant::now();
+            std::hint::black_box(problem.evaluate_on(std::hint::black_box(&sample.theta), *isa));
+            *best = best.min(start.elapsed().as_secs_f64());
+        }
+        rounds += 1;
+    }
+    Ok(Some(best[1] / best[0]))
+}
+
+/// Name the models and families that are slow on lanes with every partner, and say what to do.
+///
+/// An entry is judged by its best pair: a slow partner is not its fault. Only optimised builds are judged.
+fn slow_entries(lines: &[Line], isa: Isa) -> Vec<String> {
+    if cfg!(debug_assertions) {
+        return Vec::new();
+    }
+    let threshold = HEALTHY_SHARE * isa.lanes() as f64;
+    let sides: [(&str, &str, fn(&Line) -> &str); 2] =
+        [("model", "project", |line| &line.model), ("family", "basis", |line| &line.family)];
+    let mut warnings = Vec::new();
+    for (kind, function, name_of) in sides {
+        let mut best: BTreeMap<&str, f64> = BTreeMap::new();
+        for line in lines {
+            if let Some(speedup) = line.lane_speedup {
+                let entry = best.entry(name_of(line)).or_insert(0.0);
+                *entry = entry.max(speedup);
+            }
+        }
+        for (name, speedup) in best.into_iter().filter(|(_, speedup)| *speedup < threshold) {
+            warnings.push(format!(
+                "warning: {kind} `{name}` is at best {speedup:.1} times as fast on {} lanes as on plain numbers (healthy: {:.0} or more): \
+                 its per-point code is not inlined. Put #[inline(always)] on `{function}` and on every helper it calls, write plain index \
+                 loops instead of array::map, array::from_fn and closures, and `select_less` instead of `if`; see docs/adding/{kind}.md",
+                isa.name(),
+                0.5 * isa.lanes() as f64,
+            ));
+        }
+    }
+    warnings
+}
+
 fn table(lines: &[Line]) -> String {
-    let header = ["model", "family", "", "features", "finite diff.", "oracle", "lanes", "condition", "ns/point", ""];
+    let header =
+        ["model", "family", "", "features", "finite diff.", "oracle", "lanes", "condition", "ns/point", "on lanes", ""];
     let cell = |value: Option<f64>, show: fn(f64) -> String| value.map_or_else(|| "-".to_string(), show);
     let row = |line: &Line| {
         let verdict = match line.passed {
@@ -233,6 +310,7 @@ fn table(lines: &[Line]) -> String {
             cell(line.instruction_sets, small),
             cell(line.condition, number),
             cell(line.nanoseconds_per_point, |value| format!("{value:.1}")),
+            cell(line.lane_speedup, |value| format!("x {value:.1}")),
             line.skipped.clone().unwrap_or_default(),
         ]
     };

@@ -112,15 +112,18 @@ impl<M: Map<POINT, ROWS, DIM>, const POINT: usize, const ROWS: usize, const DIM:
             self.map.affine(theta, &mut prepared.a, &mut prepared.b);
             return prepared;
         }
-        let zero = DualSVec64::from(0.0);
+        prepared.da.reserve_exact(tangent * size);
+        prepared.db.reserve_exact(tangent * ROWS);
         for first in (0..tangent).step_by(SEEDS) {
-            let (mut a, mut b) = (vec![zero; size], vec![zero; ROWS]);
-            self.map.affine(&seed_theta(theta, basis, tangent, first), &mut a, &mut b);
+            let mut image = vec![DualSVec64::from(0.0); size + ROWS];
+            let (a, b) = image.split_at_mut(size);
+            self.map.affine(&seed_theta(theta, basis, tangent, first), a, b);
             if first == 0 {
                 prepared.a = a.iter().map(|dual| dual.re).collect();
                 prepared.b = b.iter().map(|dual| dual.re).collect();
             }
             for c in 0..SEEDS.min(tangent - first) {
+                prepared.constant.push(a.iter().all(|value| derivative(value, c) == 0.0));
                 prepared.da.extend(a.iter().map(|value| derivative(value, c)));
                 prepared.db.extend(b.iter().map(|value| derivative(value, c)));
             }
@@ -291,19 +294,28 @@ impl<M: Map<POINT, ROWS, DIM>, const POINT: usize, const ROWS: usize, const DIM:
                 x[q] = projected[q].re;
             }
             let x = normalise_values(self.transform, x);
-            let slopes = normalise_slopes(self.transform, &projected);
+            let mut slopes = normalise_slopes(self.transform, &projected);
             for q in 0..DIM {
                 x[q].store(&mut self.out.x[q].0[lane..]);
+                if !self.out.unit_weight {
+                    for r in 0..ROWS {
+                        slopes[q][r] = slopes[q][r] * weight;
+                    }
+                }
             }
             for j in 0..tangent {
-                let da = &self.prepared.da[j * width..(j + 1) * width];
                 let db = &self.prepared.db[j * ROWS..(j + 1) * ROWS];
-                let dy = self.rows::<S, FIXED>(simd, da, db, &point, at);
-                for q in 0..DIM {
-                    let mut slope = contract(&slopes[q], &dy);
-                    if !self.out.unit_weight {
-                        slope = slope * weight;
+                let mut dy = y;
+                if self.prepared.constant[j] {
+                    for r in 0..ROWS {
+                        dy[r] = Lane::splat(simd, db[r]);
                     }
+                } else {
+                    let da = &self.prepared.da[j * width..(j + 1) * width];
+                    dy = self.rows::<S, FIXED>(simd, da, db, &point, at);
+                }
+                for q in 0..DIM {
+                    let slope = contract(&slopes[q], &dy);
                     slope.store(&mut self.out.dx[q * tangent + j].0[lane..]);
                 }
             }

@@ -1,7 +1,7 @@
 //! The empirical characteristic function: cos(w.x) and sin(w.x) on a lattice of frequencies.
 
 use crate::entry::ParameterSpec;
-use crate::family::{Family, FamilyEntry, General};
+use crate::family::{Family, FamilyEntry, General, GradientTerm};
 use crate::scalar::Scalar;
 
 /// Largest |k| of the lattice.
@@ -93,6 +93,11 @@ impl Fourier {
         }
         Self { lattices: [1, 2, 3].map(|dim| Lattice::new(dim, k_max)), k_max, w0, damping }
     }
+
+    /// Return w of each mode.
+    fn frequencies(&self, dim: usize) -> Vec<[f64; 3]> {
+        self.lattices[dim - 1].modes.iter().map(|mode| mode.map(|e| self.w0 * f64::from(e))).collect()
+    }
 }
 
 impl Family for Fourier {
@@ -132,11 +137,26 @@ impl Family for Fourier {
     }
 
     fn blur<S: Scalar>(&self, dim: usize, covariance: &[S], means: &mut [S]) -> bool {
-        let frequencies: Vec<[f64; 3]> =
-            self.lattices[dim - 1].modes.iter().map(|mode| mode.map(|e| self.w0 * f64::from(e))).collect();
-        blur_waves(&frequencies, dim, covariance, means);
+        blur_waves(&self.frequencies(dim), dim, covariance, means);
         true
     }
+
+    fn gradient_terms(&self, dim: usize) -> Option<Vec<GradientTerm>> {
+        Some(wave_gradients(&self.frequencies(dim), dim))
+    }
+}
+
+/// grad cos(w.x) = -w sin(w.x) and grad sin(w.x) = w cos(w.x): all cosines first, then all sines.
+pub(super) fn wave_gradients(frequencies: &[[f64; 3]], dim: usize) -> Vec<GradientTerm> {
+    let count = frequencies.len();
+    let mut terms = Vec::with_capacity(2 * dim * count);
+    for (i, w) in frequencies.iter().enumerate() {
+        for q in 0..dim {
+            terms.push(GradientTerm { function: i, q, of: count + i, factor: -w[q] });
+            terms.push(GradientTerm { function: count + i, q, of: i, factor: w[q] });
+        }
+    }
+    terms
 }
 
 /// E cos(w.(x + e)) = exp(-w' cov w / 2) cos(w.x), and the same for the sine: all cosines first, then all sines.

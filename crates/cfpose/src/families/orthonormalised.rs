@@ -8,7 +8,7 @@ use num_dual::HyperDual64;
 
 use crate::block::MapBlock;
 use crate::entry::{BuildContext, BuildError, ParameterSpec, build_family};
-use crate::family::{BasisRows, DynFamily, FamilyEntry, Segment};
+use crate::family::{BasisRows, DynFamily, FamilyEntry, GradientTerm, Segment};
 use crate::gram::{coefficient_matrix, feature_gram};
 use crate::isa::Isa;
 use crate::points::Points;
@@ -254,6 +254,10 @@ impl DynFamily for Orthonormalised {
 
     fn monomials(&self, dim: usize) -> Option<&[[usize; 3]]> {
         self.inner.monomials(dim)
+    }
+
+    fn gradient_terms(&self, dim: usize) -> Option<Vec<GradientTerm>> {
+        self.inner.gradient_terms(dim)
     }
 
     fn block(&self, isa: Isa, points: &MapBlock, out: BasisRows<'_>) {

@@ -1,6 +1,6 @@
 //! Polynomials of bounded degree: shared monomials, one coefficient matrix.
 
-use crate::family::Family;
+use crate::family::{Family, GradientTerm};
 use crate::scalar::Scalar;
 
 /// Which products of one-dimensional polynomials belong to a family of degree D.
@@ -134,6 +134,21 @@ impl Family for Polynomial {
 
     fn monomials(&self, dim: usize) -> Option<&[[usize; 3]]> {
         Some(&self.tables[dim - 1].exponents)
+    }
+
+    /// d x^e / d x_q = e_q x^(e - 1_q).
+    fn gradient_terms(&self, dim: usize) -> Option<Vec<GradientTerm>> {
+        let monomials = self.exponents(dim);
+        let mut terms = Vec::new();
+        for (function, e) in monomials.iter().enumerate() {
+            for q in (0..dim).filter(|q| e[*q] > 0) {
+                let mut lower = *e;
+                lower[q] -= 1;
+                let of = monomials.iter().position(|other| *other == lower)?;
+                terms.push(GradientTerm { function, q, of, factor: e[q] as f64 });
+            }
+        }
+        Some(terms)
     }
 
     /// E (x + e)^n for Gaussian e: exp(1/2 sum_ab cov_ab d_a d_b) applied to monomials, a finite series.

@@ -4,9 +4,9 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha12Rng;
 use rand_distr::{Distribution, StandardNormal};
 
-use super::fourier::blur_waves;
+use super::fourier::{blur_waves, wave_gradients};
 use crate::entry::ParameterSpec;
-use crate::family::{Family, FamilyEntry, General};
+use crate::family::{Family, FamilyEntry, General, GradientTerm};
 use crate::scalar::Scalar;
 
 struct RandomFourier {
@@ -35,6 +35,10 @@ impl Family for RandomFourier {
     fn blur<S: Scalar>(&self, dim: usize, covariance: &[S], means: &mut [S]) -> bool {
         blur_waves(&self.frequencies, dim, covariance, means);
         true
+    }
+
+    fn gradient_terms(&self, dim: usize) -> Option<Vec<GradientTerm>> {
+        Some(wave_gradients(&self.frequencies, dim))
     }
 }
 

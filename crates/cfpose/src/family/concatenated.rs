@@ -2,7 +2,7 @@
 
 use num_dual::HyperDual64;
 
-use super::{BasisRows, DynFamily, Segment};
+use super::{BasisRows, DynFamily, GradientTerm, Segment};
 use crate::block::MapBlock;
 use crate::isa::Isa;
 
@@ -82,6 +82,18 @@ impl DynFamily for Concatenated {
             start += num;
         }
         Some(full)
+    }
+
+    /// Closed under differentiation where every part is.
+    fn gradient_terms(&self, dim: usize) -> Option<Vec<GradientTerm>> {
+        let (mut all, mut start) = (Vec::new(), 0);
+        for (_, family) in &self.parts {
+            let moved =
+                |term: GradientTerm| GradientTerm { function: start + term.function, of: start + term.of, ..term };
+            all.extend(family.gradient_terms(dim)?.into_iter().map(moved));
+            start += family.num_basis(dim);
+        }
+        Some(all)
     }
 
     fn block(&self, isa: Isa, points: &MapBlock, out: BasisRows<'_>) {

@@ -3,7 +3,7 @@
 use num_dual::HyperDual64;
 use pulp::{Simd, WithSimd};
 
-use super::{BasisRows, DynFamily, Family, SeparableFamily};
+use super::{BasisRows, DynFamily, Family, GradientTerm, SeparableFamily};
 use crate::block::MapBlock;
 use crate::isa::Isa;
 use crate::jet::Jet;
@@ -170,6 +170,10 @@ impl<F: Family> DynFamily for General<F> {
 
     fn monomials(&self, dim: usize) -> Option<&[[usize; 3]]> {
         self.0.monomials(dim)
+    }
+
+    fn gradient_terms(&self, dim: usize) -> Option<Vec<GradientTerm>> {
+        self.0.gradient_terms(dim)
     }
 
     fn block(&self, isa: Isa, points: &MapBlock, out: BasisRows<'_>) {

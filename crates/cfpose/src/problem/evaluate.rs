@@ -41,8 +41,8 @@ impl MomentProblem {
         prepared: PreparedMap,
         execution: &Execution,
     ) -> Means {
-        let side = Side { map, prepared, transform: &self.transform, points, family: self.family.as_ref() };
-        side.sums(execution).means()
+        let (family, closure) = (self.family.as_ref(), self.closure.as_ref());
+        Side { map, prepared, transform: &self.transform, points, family, closure }.sums(execution).means()
     }
 
     /// Return the means of the source side, from moments where there are any.
@@ -80,7 +80,8 @@ impl MomentProblem {
         }
         let (model_theta, nuisance) = self.split(theta);
         let model_basis = &basis[..model_theta.len() * tangent];
-        let (mut residual, mut jacobian) = (Vec::new(), Vec::new());
+        let num_rows = self.num_feature_rows();
+        let (mut residual, mut jacobian) = (Vec::with_capacity(num_rows), Vec::with_capacity(num_rows * tangent));
         for group in &self.groups {
             let prepared = self.model.source.prepare(model_theta, model_basis, tangent);
             let mut source = self.source_means(group, prepared, execution);
@@ -96,13 +97,13 @@ impl MomentProblem {
             let target = moving.as_ref().map(|means| &means.values).or(group.fixed_target.as_ref());
             let target = target.map_or(&[][..], Vec::as_slice);
             if let Some(means) = means.as_deref_mut() {
-                self.to_features(&source.values, 1, &mut means.source);
-                self.to_features(target, 1, &mut means.target);
+                self.to_features(execution.isa, &source.values, 1, &mut means.source);
+                self.to_features(execution.isa, target, 1, &mut means.target);
             }
             // C is applied to the difference of the basis means: once, not once a side.
             source.values.iter_mut().zip(target).for_each(|(a, b)| *a -= b);
-            self.to_features(&source.values, 1, &mut residual);
-            self.to_features(&source.jacobian, tangent, &mut jacobian);
+            self.to_features(execution.isa, &source.values, 1, &mut residual);
+            self.to_features(execution.isa, &source.jacobian, tangent, &mut jacobian);
         }
         if let Some(whitening) = whitening {
             let num_rows = residual.len();
@@ -133,10 +134,10 @@ impl MomentProblem {
     }
 
     /// Append C times basis rows of `width` columns.
-    pub(crate) fn to_features(&self, rows: &[f64], width: usize, out: &mut Vec<f64>) {
+    pub(crate) fn to_features(&self, isa: Isa, rows: &[f64], width: usize, out: &mut Vec<f64>) {
         match &self.coefficients {
             None => out.extend_from_slice(rows),
-            Some(c) => c.apply(rows, width, out),
+            Some(c) => c.apply(isa, rows, width, out),
         }
     }
 }
