@@ -45,6 +45,11 @@ impl Neighbours {
         &self.rows
     }
 
+    /// Return the number of coordinates that count.
+    pub fn dim(&self) -> usize {
+        self.dim
+    }
+
     /// Return the nearest point.
     pub fn nearest(&self, p: &[f64; 3]) -> Neighbour {
         match &self.tree {

@@ -5,6 +5,7 @@
 
 pub mod closest_point;
 pub mod mixture;
+mod normals;
 pub mod support;
 
 use cfpose_optim::manifold::Manifold;
@@ -159,4 +160,24 @@ pub(crate) fn spacing(mapped: &Mapped) -> f64 {
     let mut all: Vec<f64> = mapped.x.iter().step_by(step).map(of).collect();
     all.sort_by(f64::total_cmp);
     all[all.len() / 2]
+}
+
+/// Split by medians along the widest coordinate, `depth` times, and visit the groups.
+pub(crate) fn regions<T>(group: &mut [T], depth: u32, place: &dyn Fn(&T) -> [f64; 3], visit: &mut dyn FnMut(&[T])) {
+    if depth == 0 || group.len() < 2 {
+        visit(group);
+        return;
+    }
+    let width = |d: usize| {
+        let (low, high) = group
+            .iter()
+            .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), r| (low.min(place(r)[d]), high.max(place(r)[d])));
+        high - low
+    };
+    let axis = (0..3).max_by(|a, b| width(*a).total_cmp(&width(*b))).unwrap_or(0);
+    let middle = group.len() / 2;
+    group.select_nth_unstable_by(middle, |a, b| place(a)[axis].total_cmp(&place(b)[axis]));
+    let (low, high) = group.split_at_mut(middle);
+    regions(low, depth - 1, place, visit);
+    regions(high, depth - 1, place, visit);
 }

@@ -211,6 +211,15 @@ pub(crate) fn of_whitened(problem: &MomentProblem, theta: &[f64], own: usize) ->
     })
 }
 
+/// Return the standard deviation of tangent coordinate `j` of a whitened problem at theta.
+pub(crate) fn deviation(problem: &MomentProblem, theta: &[f64], j: usize) -> Option<f64> {
+    let (rows, cols) = (problem.num_residuals(), problem.manifold().tangent());
+    let (mut residual, mut jacobian) = (vec![0.0; rows], vec![0.0; rows * cols]);
+    problem.jacobian(theta, &mut residual, &mut jacobian);
+    let report = parameter_covariance(rows, cols, &jacobian, 1.0, RANK_TOLERANCE)?;
+    report.deviations().get(j).copied()
+}
+
 /// Return the probability that a chi-square variable with so many degrees of freedom exceeds `value`; 1 without any.
 ///
 /// ```

@@ -73,7 +73,7 @@ impl Engine<'_> {
             let mut engine = Engine::new(ingredients, &pipeline)?;
             let given = engine.given()?;
             let hypotheses = match given.is_empty() {
-                true => engine.global(supervision)?,
+                true => engine.global(usize::MAX, supervision)?,
                 false => engine.from_given(&given, supervision)?,
             };
             self.iterations += engine.iterations;

@@ -20,6 +20,8 @@ pub(super) const COHERENT: f64 = 0.35;
 pub(super) const PARTIAL: f64 = 0.12;
 /// Perturbations of a start, standard deviations of the rotation in radians: twice near, then farther away.
 const SPREADS: [f64; 3] = [0.2, 0.2, 0.4];
+/// A start whose screened cost exceeds the best one's by this factor is not needed once a better one was accepted.
+const CLEARLY_WORSE: f64 = 3.0;
 /// Starts closer than this (tangent norm, rotations in radians) are one.
 const SAME: f64 = 0.05;
 
@@ -56,6 +58,8 @@ pub(super) struct Engine<'a> {
     pub reports: Vec<StageReport>,
     pub iterations: usize,
     pub starts: usize,
+    /// Screened global starts with their costs, best last; `None` before the screening.
+    queue: Option<Vec<(f64, Vec<f64>)>>,
 }
 
 impl<'a> Engine<'a> {
@@ -66,7 +70,7 @@ impl<'a> Engine<'a> {
         let report =
             |level: &Level| StageReport { name: level.stage.name.clone(), solves: 0, evaluations: 0, rejected: 0 };
         let reports = levels.iter().map(report).collect();
-        Ok(Self { ingredients, pipeline, levels, reports, iterations: 0, starts: 0 })
+        Ok(Self { ingredients, pipeline, levels, reports, iterations: 0, starts: 0, queue: None })
     }
 
     fn settings(&self) -> &'a Settings {
@@ -201,18 +205,15 @@ impl<'a> Engine<'a> {
         self.ingredients.registry.start(name)?.starts(&context)
     }
 
-    /// Lead many starts through the first stages, and the best different ones through the rest.
-    pub fn global(&mut self, supervision: &mut Supervision<'_>) -> Result<Vec<Hypothesis>, Error> {
+    /// Lead the starts of the global strategy through the first stages and queue the best different ones, best last.
+    fn screen(&mut self, supervision: &mut Supervision<'_>) -> Result<(), Error> {
         let name = self.pipeline.global_start.clone().unwrap_or_else(|| "identity".to_string());
         let mut proposals = self.proposals(&name)?;
         let (screening, keep) = (self.pipeline.screening_stages.min(self.levels.len() - 1), self.pipeline.keep);
-        let mut found = Vec::new();
         if keep == 0 || screening == 0 {
-            for start in &proposals {
-                self.starts += 1;
-                found.extend(self.climb(0, start, supervision)?);
-            }
-            return Ok(found);
+            self.starts += proposals.len();
+            self.queue = Some(proposals.into_iter().rev().map(|theta| (0.0, theta)).collect());
+            return Ok(());
         }
         // Before any solve: the cheapest cost of the first stage, the best of a large set.
         if proposals.len() > 4 * keep {
@@ -233,18 +234,40 @@ impl<'a> Engine<'a> {
             screened.push((cost, theta));
         }
         screened.sort_by(|a, b| a.0.total_cmp(&b.0));
-        let mut kept: Vec<Vec<f64>> = Vec::new();
+        let mut kept: Vec<(f64, Vec<f64>)> = Vec::new();
         for (cost, theta) in screened {
             let plausible = cost.is_finite() && self.is_plausible(&theta);
-            if plausible && kept.len() < keep && kept.iter().all(|other| self.distance(other, &theta) > SAME) {
-                kept.push(theta);
+            if plausible && kept.len() < keep && kept.iter().all(|(_, other)| self.distance(other, &theta) > SAME) {
+                kept.push((cost, theta));
             }
         }
-        for theta in kept {
-            let hypothesis = self.climb(screening, &theta, supervision)?;
-            found.extend(hypothesis);
+        kept.reverse();
+        self.queue = Some(kept);
+        Ok(())
+    }
+
+    /// Lead the next `count` queued starts through the remaining stages.
+    ///
+    /// An accepted pose ends the search, unless the next start was about as good so far: both are then reported.
+    pub fn global(&mut self, count: usize, supervision: &mut Supervision<'_>) -> Result<Vec<Hypothesis>, Error> {
+        if self.queue.is_none() {
+            self.screen(supervision)?;
         }
-        Ok(found)
+        let screened = self.pipeline.keep > 0 && self.pipeline.screening_stages > 0 && self.levels.len() > 1;
+        let first = if screened { self.pipeline.screening_stages.min(self.levels.len() - 1) } else { 0 };
+        let mut found: Vec<Hypothesis> = Vec::new();
+        let mut best = f64::INFINITY;
+        for taken in 0.. {
+            let Some((cost, theta)) = self.queue.as_mut().and_then(Vec::pop) else { break };
+            best = best.min(cost);
+            let done = found.iter().any(|h| h.accepted) && cost > CLEARLY_WORSE * best;
+            if done || taken >= count && !found.iter().any(|h| h.accepted) {
+                self.queue.get_or_insert_default().push((cost, theta));
+                break;
+            }
+            found.extend(self.climb(first, &theta, supervision)?);
+        }
+        Ok(ranked(found))
     }
 
     /// Return the tangent norm between two thetas of the first stage's length or longer.

@@ -1,6 +1,6 @@
 //! A stage made ready: its problem on its points, its solver, its weighting.
 
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use cfpose_optim::manifold::Manifold;
 use cfpose_optim::problem::LeastSquares;
@@ -15,8 +15,11 @@ use crate::entry::{BuildContext, Registry};
 use crate::error::Error;
 use crate::means::Execution;
 use crate::model::Model;
+use crate::neighbours::Neighbours;
 use crate::points::{Points, thin};
 use crate::problem::{MomentProblem, Noise, map_points};
+use crate::robust::Mover;
+use crate::robust::closest_point::{self, ClosestPoint};
 use crate::robust::support::{Sampling, Support};
 use crate::statistics::{self, Randomness, Statistics, feature_covariance};
 use crate::weighting::{Update, Weighting};
@@ -25,6 +28,9 @@ use crate::weighting::{Update, Weighting};
 const FIRST_NOISE: f64 = 0.0125;
 /// Standard deviation, in normalised units, below which noise counts as this: identical sets would give S = 0.
 pub(super) const LEAST_NOISE: f64 = 0.00125;
+
+/// Target points of the first steps of a refinement.
+const REFINE_POINTS: usize = 500;
 
 /// What every stage is built from.
 pub(super) struct Ingredients<'a> {
@@ -66,6 +72,8 @@ pub(super) struct Level {
     pub mapped_target: Points,
     pub solver: Box<dyn Solver>,
     pub weighting: Box<dyn Weighting>,
+    /// The target's search structure, built when it is first asked.
+    target_tree: OnceLock<Neighbours>,
     execution: Execution,
     num_source: f64,
     num_target: f64,
@@ -121,6 +129,7 @@ impl Level {
             mapped_target,
             solver,
             weighting,
+            target_tree: OnceLock::new(),
             execution: execution.clone(),
             num_source: effective(&all_source),
             num_target: effective(&all_target),
@@ -226,12 +235,51 @@ impl Level {
     /// Compare the points at theta.
     pub fn support(&self, theta: &[f64]) -> Result<Support, Error> {
         let source = self.mapped_source(theta)?;
-        let target = if self.model.target.is_moving() {
-            self.problem.mapped_target(theta).map_err(|problem| Error::Points { side: "target", problem })?
-        } else {
-            self.mapped_target.clone()
-        };
-        Ok(Support::of(&source, &target, self.noise_sigma(theta)))
+        if self.model.target.is_moving() {
+            let target =
+                self.problem.mapped_target(theta).map_err(|problem| Error::Points { side: "target", problem })?;
+            return Ok(Support::of(&source, &target, self.noise_sigma(theta)));
+        }
+        let tree = self.target_tree.get_or_init(|| {
+            let rows = (0..self.mapped_target.len()).map(|k| self.mapped_target.point(k)).collect();
+            Neighbours::new(rows, self.model.dim())
+        });
+        Ok(Support::against(&source, tree, self.noise_sigma(theta)))
+    }
+
+    /// Refine theta by trimmed closest points: some points until it stands, then all.
+    pub fn refined(&self, theta: &[f64]) -> Option<ClosestPoint> {
+        let (mover, all) = (Mover::new(&self.problem, &self.all_source), self.mapped_rows());
+        let step = all.len().div_ceil(REFINE_POINTS);
+        let some: Vec<[f64; 3]> = all.iter().step_by(step).copied().collect();
+        let options = closest_point::Options { tolerance: 1e-8, ..Default::default() };
+        let first = closest_point::refine(&mover, &some, theta, &options)?;
+        if step == 1 {
+            return Some(first);
+        }
+        let options = closest_point::Options { max_iterations: 3, ..options };
+        closest_point::refine(&mover, &all, &first.theta, &options)
+    }
+
+    /// Return the target points in the feature space.
+    fn mapped_rows(&self) -> Vec<[f64; 3]> {
+        (0..self.mapped_target.len()).map(|k| self.mapped_target.point(k)).collect()
+    }
+
+    /// Compare the points at theta, or, where its misfit may hide the sampling, at a theta that is refined a little.
+    fn near_support(&self, theta: &[f64]) -> Result<Support, Error> {
+        let support = self.support(theta)?;
+        if self.model.target.is_moving() || support.mutual > 0.75 || support.normal_sigma > 3.0 * support.source_spacing
+        {
+            return Ok(support);
+        }
+        let all = self.mapped_rows();
+        let some: Vec<[f64; 3]> = all.iter().step_by(all.len().div_ceil(REFINE_POINTS)).copied().collect();
+        let options = closest_point::Options { tolerance: 1e-3, max_iterations: 6, ..Default::default() };
+        match closest_point::refine(&Mover::new(&self.problem, &self.all_source), &some, theta, &options) {
+            Some(fit) => self.support(&fit.theta),
+            None => Ok(support),
+        }
     }
 
     /// Solve from theta of another stage (or a start): once, and again with each weighting.
@@ -274,10 +322,8 @@ impl Level {
         if !solved.outcome.usable() {
             return Ok(solved);
         }
-        let support = self.support(&solved.theta)?;
-        let sampling = settings.sampling.unwrap_or_else(|| {
-            Sampling::detect(&support, self.noise_sigma(&solved.theta), self.model.dim(), self.counts)
-        });
+        let support = self.near_support(&solved.theta)?;
+        let sampling = settings.sampling.unwrap_or_else(|| Sampling::detect(&support, self.model.dim(), self.counts));
         let mut kappa = 0.0;
         for _ in 0..steps {
             let randomness = self.randomness(&solved.theta, &support, sampling);
@@ -313,15 +359,25 @@ impl Level {
     }
 
     /// Return where the randomness of the residual comes from at theta.
+    ///
+    /// The noise is the nuisance parameter where the weighted fit so far determines it to a tenth; else, and before any
+    /// weighting, it is what the distances along the normals say.
     pub fn randomness(&self, theta: &[f64], support: &Support, sampling: Sampling) -> Randomness {
-        // Where noise is no parameter, the distances say how large it is: on a shape they are those along the normals.
-        let noise = self.noise(theta).unwrap_or_else(|| {
-            let sigma = support.target_rms.max(LEAST_NOISE * self.unit());
+        let floor = LEAST_NOISE * self.unit();
+        let noise = self.noise(theta).filter(|_| self.noise_is_determined(theta)).unwrap_or_else(|| {
+            let variance = support.normal_sigma.max(floor).powi(2);
             let mut covariance = [[0.0; 3]; 3];
-            (0..self.model.dim()).for_each(|d| covariance[d][d] = sigma * sigma);
+            (0..self.model.dim()).for_each(|d| covariance[d][d] = variance);
             covariance
         });
         Randomness { noise, kappa: sampling.kappa(self.num_target, self.num_source), num_target: self.num_target }
+    }
+
+    /// Say whether the weighted fit at theta determines the variance of the noise to a fifth.
+    fn noise_is_determined(&self, theta: &[f64]) -> bool {
+        let own = self.own_tangent();
+        let (Some(sigma), Some(_)) = (self.noise_sigma(theta), self.problem.whitening()) else { return false };
+        statistics::deviation(&self.problem, theta, own).is_some_and(|deviation| deviation < 0.2 * sigma * sigma)
     }
 
     /// Weight the problem by the covariance at theta.

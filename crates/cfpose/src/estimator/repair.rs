@@ -16,9 +16,9 @@ use crate::robust::{Mover, closest_point, mixture};
 
 /// Hypotheses that are questioned for outliers, at most.
 const MAX_CANDIDATES: usize = 3;
-/// Points of the coarse robust fits.
-const COARSE_SOURCE: usize = 400;
-const COARSE_TARGET: usize = 1000;
+/// Points of the coarse robust fits: source, target.
+const COARSE_MIXTURE: [usize; 2] = [400, 1000];
+const COARSE_TRIM: [usize; 2] = [1000, 400];
 /// A target point farther than this many standard deviations from the mapped source is an outlier.
 const REJECT: f64 = 3.3;
 
@@ -73,18 +73,18 @@ impl Engine<'_> {
     }
 
     /// Thin both sides of the last stage for a robust fit.
-    fn coarse(&self) -> Result<(Points, Vec<[f64; 3]>), Error> {
+    fn coarse(&self, [num_source, num_target]: [usize; 2]) -> Result<(Points, Vec<[f64; 3]>), Error> {
         let level = self.last();
         let mut rng = ChaCha8Rng::seed_from_u64(self.ingredients.settings.seed ^ 0x726f_6275_7374);
-        let source = thin(&level.all_source, COARSE_SOURCE, &mut rng)
+        let source = thin(&level.all_source, num_source, &mut rng)
             .map_err(|problem| Error::Points { side: "source", problem })?;
-        let target = thin(&level.mapped_target, COARSE_TARGET, &mut rng)
+        let target = thin(&level.mapped_target, num_target, &mut rng)
             .map_err(|problem| Error::Points { side: "target", problem })?;
         Ok((source, rows(&target)))
     }
 
     fn by_mixture(&self, candidates: &[Vec<f64>]) -> Result<Option<Robust>, Error> {
-        let (source, target) = self.coarse()?;
+        let (source, target) = self.coarse(COARSE_MIXTURE)?;
         let level = self.last();
         let mover = Mover::new(&level.problem, &source);
         let options = mixture::Options { sigma: 0.15 * level.unit(), ..mixture::Options::default() };
@@ -104,11 +104,10 @@ impl Engine<'_> {
     }
 
     fn by_trimming(&self, candidates: &[Vec<f64>]) -> Result<Option<Robust>, Error> {
-        let (_, coarse) = self.coarse()?;
         let level = self.last();
-        let mover = Mover::new(&level.problem, &level.all_source);
-        let options =
-            closest_point::Options { tolerance: 1e-4, max_iterations: 20, ..closest_point::Options::default() };
+        let (source, coarse) = self.coarse(COARSE_TRIM)?;
+        let mover = Mover::new(&level.problem, &source);
+        let options = closest_point::Options { tolerance: 1e-3, max_iterations: 20, ..Default::default() };
         let fits = candidates.iter().filter_map(|theta| closest_point::refine(&mover, &coarse, theta, &options));
         let mut scored: Vec<(f64, closest_point::ClosestPoint)> = Vec::new();
         for fit in fits {
@@ -116,9 +115,7 @@ impl Engine<'_> {
         }
         scored.sort_by(|a, b| a.0.total_cmp(&b.0));
         let Some((_, best)) = scored.into_iter().next() else { return Ok(None) };
-        let target = rows(&level.mapped_target);
-        let options = closest_point::Options { max_iterations: 3, tolerance: 1e-6, ..options };
-        let Some(best) = closest_point::refine(&mover, &target, &best.theta, &options) else { return Ok(None) };
+        let Some(best) = level.refined(&best.theta) else { return Ok(None) };
         Ok(Some(Robust { clutter: 1.0 - best.share, theta: best.theta, sigma: best.rms, covariance: best.covariance }))
     }
 
@@ -156,21 +153,5 @@ impl Engine<'_> {
     fn first_on_final_model(&self) -> usize {
         let stages = &self.pipeline.stages;
         stages.iter().position(|stage| stage.noise != NoiseModel::None).unwrap_or(stages.len() - 1)
-    }
-
-    /// Refine theta of the last stage by trimmed closest points: some points until it stands, then all.
-    pub fn refined(&self, theta: &[f64]) -> Option<closest_point::ClosestPoint> {
-        let level: &Level = self.last();
-        let mover = Mover::new(&level.problem, &level.all_source);
-        let all = rows(&level.mapped_target);
-        let step = all.len().div_ceil(COARSE_TARGET);
-        let some: Vec<[f64; 3]> = all.iter().step_by(step).copied().collect();
-        let options = closest_point::Options { tolerance: 1e-8, ..closest_point::Options::default() };
-        let first = closest_point::refine(&mover, &some, theta, &options)?;
-        if step == 1 {
-            return Some(first);
-        }
-        let options = closest_point::Options { max_iterations: 5, ..options };
-        closest_point::refine(&mover, &all, &first.theta, &options)
     }
 }

@@ -6,7 +6,7 @@ use cfpose_optim::{Outcome, Status};
 
 use super::engine::{COHERENT, Engine, Hypothesis, PARTIAL, ranked};
 use super::level::{Ingredients, Solved};
-use super::pipeline::Pipeline;
+use super::pipeline::{Outliers, Pipeline};
 use super::{Alternative, Estimate, Prepared, Start, Supervision, Verdict};
 use crate::conditioning::Conditioning;
 use crate::entry::Registry;
@@ -19,6 +19,9 @@ use crate::statistics::Statistics;
 const P_SUSPECT: f64 = 1e-3;
 /// Share of outliers above which a fit is suspect whatever else agrees.
 const MAX_CLUTTER: f64 = 0.45;
+
+/// Global starts that are climbed from before outliers are suspected.
+const FIRST_GLOBAL: usize = 2;
 
 /// The state of an estimate while it is made.
 struct Draft {
@@ -56,8 +59,8 @@ enum Step {
     Given(Vec<Vec<f64>>),
     /// Climb from perturbed copies of a start.
     Restarts(Vec<f64>, std::ops::Range<usize>),
-    /// Climb from the global strategy.
-    Global,
+    /// Climb from the next so many starts of the global strategy.
+    Global(usize),
     /// Look for outliers, from the hypotheses so far and these thetas.
     Outliers(Vec<Vec<f64>>),
 }
@@ -72,8 +75,12 @@ fn plan(pipeline: &Pipeline, given: &[Vec<f64>]) -> Vec<Step> {
         steps.push(Step::Outliers(given.to_vec()));
         steps.push(Step::Restarts(start.clone(), 1..restarts));
     }
+    if given.is_empty() && pipeline.outliers != Outliers::None {
+        steps.push(Step::Global(FIRST_GLOBAL));
+        steps.push(Step::Outliers(Vec::new()));
+    }
     if given.is_empty() || pipeline.global_start.is_some() {
-        steps.push(Step::Global);
+        steps.push(Step::Global(usize::MAX));
     }
     steps.push(Step::Outliers(Vec::new()));
     steps
@@ -91,7 +98,7 @@ impl Search {
         let more = match step {
             Step::Given(starts) => engine.from_given(&starts, supervision)?,
             Step::Restarts(start, range) => engine.restarts(&start, range, supervision)?,
-            Step::Global => engine.global(supervision)?,
+            Step::Global(count) => engine.global(count, supervision)?,
             Step::Outliers(starts) => return self.question(engine, &starts, supervision),
         };
         if more.is_empty() {
@@ -175,16 +182,16 @@ impl Prepared {
     fn refine(&self, engine: &Engine<'_>, draft: &mut Draft) -> Result<(), Error> {
         let level = engine.last();
         let sigma = draft.statistics.as_ref().and_then(|s| s.noise_sigma).or(level.noise_sigma(&draft.theta));
-        // Distances to the shape are at most the noise: they see small noise that the means cannot tell from thinning.
+        // Distances along the normals see small noise that the means cannot tell from sampling.
         let sigma = match (sigma, &draft.support) {
-            (Some(sigma), Some(support)) => Some(sigma.min(support.target_rms)),
+            (Some(sigma), Some(support)) => Some(sigma.min(support.normal_sigma)),
             (sigma, _) => sigma,
         };
         let small = sigma.is_some_and(|sigma| sigma < engine.pipeline.refine_below * level.unit());
         if !small || !draft.outcome.usable() {
             return Ok(());
         }
-        let Some(fit) = engine.refined(&draft.theta) else { return Ok(()) };
+        let Some(fit) = level.refined(&draft.theta) else { return Ok(()) };
         let support = level.support(&fit.theta)?;
         // Never worse than its start; below the spacing, distances between points do not rank thetas.
         let bound = |before: Support| (1.001 * before.target_rms).max(before.source_spacing);

@@ -3,13 +3,12 @@
 //! Exact without noise; with noise the nearest point is not the true one, and the estimate is biased: gate it by the
 //! estimated noise (method.md, section 7).
 
-use super::{Mapped, Mover, add_outer, invert, solve_normal, symmetrise};
+use super::normals::Normals;
+use super::{Mover, add_outer, invert, regions, solve_normal, symmetrise};
 use crate::neighbours::Neighbours;
 
-/// Neighbours that a normal is fitted to, the point itself included.
-const NORMAL_NEIGHBOURS: usize = 8;
-/// A neighbourhood is a curve or a surface, and has a normal, when its least spread is below this share of its largest.
-const FLAT: f64 = 0.25;
+/// Pairs of one region share the errors of the shape there: so many form one group of the sandwich covariance.
+const GROUP: usize = 24;
 /// Standard deviation of the shape between its points, relative to their distance.
 const DISCRETISATION: f64 = 0.1;
 
@@ -53,65 +52,18 @@ pub struct ClosestPoint {
 struct System {
     h: Vec<f64>,
     g: Vec<f64>,
-    /// Sum of score products, for the sandwich.
-    scores: Vec<f64>,
+    /// Score of each row and where it is, for the sandwich.
+    scores: Vec<([f64; 3], Vec<f64>)>,
     square_sum: f64,
     rows: usize,
     pairs: usize,
-}
-
-/// Neighbour lists of mapped source points, looked up once: a smooth map hardly changes them.
-struct Normals {
-    lists: Vec<Option<Vec<usize>>>,
-}
-
-impl Normals {
-    /// Return the unit normal at source point `k`, where its neighbourhood is flat.
-    fn at(&mut self, k: usize, tree: &Neighbours, mapped: &Mapped) -> Option<[f64; 3]> {
-        let look_up = || tree.nearest_n(&mapped.x[k], NORMAL_NEIGHBOURS).iter().map(|n| n.index).collect();
-        let list = self.lists[k].get_or_insert_with(look_up);
-        let mut mean = [0.0; 3];
-        for i in list.iter() {
-            (0..3).for_each(|d| mean[d] += mapped.x[*i][d] / list.len() as f64);
-        }
-        let mut covariance = [[0.0; 3]; 3];
-        for i in list.iter() {
-            let r: [f64; 3] = std::array::from_fn(|d| mapped.x[*i][d] - mean[d]);
-            for a in 0..mapped.dim {
-                for b in 0..mapped.dim {
-                    covariance[a][b] += r[a] * r[b];
-                }
-            }
-        }
-        if mapped.dim == 2 { normal2(&covariance) } else { normal3(&covariance) }
-    }
-}
-
-/// Return the axis of least spread of a plane neighbourhood, in closed form.
-fn normal2(c: &[[f64; 3]; 3]) -> Option<[f64; 3]> {
-    let (half, difference) = (0.5 * (c[0][0] + c[1][1]), 0.5 * (c[0][0] - c[1][1]));
-    let radius = difference.hypot(c[0][1]);
-    if radius <= 0.0 || half - radius > FLAT * FLAT * (half + radius) {
-        return None;
-    }
-    // The axis of largest spread lies at half the angle of (difference, c_01).
-    let angle = 0.5 * c[0][1].atan2(difference);
-    Some([-angle.sin(), angle.cos(), 0.0])
-}
-
-/// Return the axis of least spread of a spatial neighbourhood, `None` for one that is no surface.
-fn normal3(c: &[[f64; 3]; 3]) -> Option<[f64; 3]> {
-    let (values, axes) = crate::linalg::symmetric_eigen3(c);
-    // On a curve in space every direction across it is a normal: distances to points serve there.
-    let surface = values[2] <= FLAT * FLAT * values[1] && values[1] > 1e-12 * values[0];
-    surface.then_some(axes[2])
 }
 
 /// Move theta until the target lies on the mapped source. `target` is in the feature space, not normalised.
 pub(crate) fn refine(mover: &Mover<'_>, target: &[[f64; 3]], theta: &[f64], options: &Options) -> Option<ClosestPoint> {
     let tangent = mover.tangent();
     let mut theta = theta.to_vec();
-    let mut normals = Normals { lists: vec![None; mover.len()] };
+    let mut normals = Normals::new(mover.len());
     let mut last = None;
     let mut iterations = 0;
     for iteration in 0..options.max_iterations {
@@ -136,7 +88,7 @@ pub(crate) fn refine(mover: &Mover<'_>, target: &[[f64; 3]], theta: &[f64], opti
     let inverse = invert(tangent, &system.h)?;
     // The shape is known at its points alone: between them it is uncertain by a share of their distance.
     let floor = (DISCRETISATION * super::spacing(&mover.map(&theta, false))).powi(2);
-    let spread = sandwich(tangent, &inverse, &system.scores);
+    let spread = sandwich(tangent, &inverse, &meat(tangent, system.scores));
     let covariance = spread.iter().zip(&inverse).map(|(s, i)| s + floor * i).collect();
     Some(ClosestPoint {
         theta,
@@ -145,6 +97,20 @@ pub(crate) fn refine(mover: &Mover<'_>, target: &[[f64; 3]], theta: &[f64], opti
         covariance,
         iterations,
     })
+}
+
+/// Sum the outer products of the scores of each region: residuals of neighbours share the errors of normals and curvature,
+/// and are no independent draws.
+fn meat(n: usize, mut scores: Vec<([f64; 3], Vec<f64>)>) -> Vec<f64> {
+    let mut products = vec![0.0; n * n];
+    let depth = (scores.len() / GROUP).max(1).ilog2();
+    regions(&mut scores, depth, &|score| score.0, &mut |group| {
+        let mut sum = vec![0.0; n];
+        group.iter().for_each(|(_, score)| sum.iter_mut().zip(score).for_each(|(a, b)| *a += b));
+        add_outer(&mut products, &sum, 1.0);
+    });
+    symmetrise(n, &mut products);
+    products
 }
 
 fn sandwich(n: usize, inverse: &[f64], scores: &[f64]) -> Vec<f64> {
@@ -172,13 +138,13 @@ fn linearise(
     let limit = (options.cut * options.cut * 1.48 * 1.48 * median).min(sorted[allowed - 1]).max(f64::MIN_POSITIVE);
     let n = mapped.tangent;
     let mut system =
-        System { h: vec![0.0; n * n], g: vec![0.0; n], scores: vec![0.0; n * n], square_sum: 0.0, rows: 0, pairs: 0 };
+        System { h: vec![0.0; n * n], g: vec![0.0; n], scores: Vec::new(), square_sum: 0.0, rows: 0, pairs: 0 };
     let mut row = vec![0.0; n];
     for (q, neighbour) in target.iter().zip(&found).filter(|(_, neighbour)| neighbour.squared <= limit) {
         let k = neighbour.index;
         let difference: [f64; 3] = std::array::from_fn(|d| q[d] - mapped.x[k][d]);
         system.pairs += 1;
-        let normal = if options.normals { normals.at(k, &tree, &mapped) } else { None };
+        let normal = if options.normals { normals.at(k, &tree, &mapped.x) } else { None };
         match normal {
             Some(normal) => {
                 row.fill(0.0);
@@ -186,23 +152,22 @@ fn linearise(
                     row.iter_mut().zip(mapped.slope(k, d)).for_each(|(r, s)| *r += normal[d] * s);
                 }
                 let residual = (0..3).map(|d| normal[d] * difference[d]).sum();
-                add_row(&mut system, &row, residual);
+                add_row(&mut system, &row, residual, mapped.x[k]);
             }
             None => {
                 for d in 0..mapped.dim {
-                    add_row(&mut system, mapped.slope(k, d), difference[d]);
+                    add_row(&mut system, mapped.slope(k, d), difference[d], mapped.x[k]);
                 }
             }
         }
     }
     symmetrise(n, &mut system.h);
-    symmetrise(n, &mut system.scores);
     system
 }
 
-fn add_row(system: &mut System, row: &[f64], residual: f64) {
+fn add_row(system: &mut System, row: &[f64], residual: f64, place: [f64; 3]) {
     add_outer(&mut system.h, row, 1.0);
-    add_outer(&mut system.scores, row, residual * residual);
+    system.scores.push((place, row.iter().map(|r| r * residual).collect()));
     system.g.iter_mut().zip(row).for_each(|(g, r)| *g += r * residual);
     system.square_sum += residual * residual;
     system.rows += 1;

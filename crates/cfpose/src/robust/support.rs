@@ -3,11 +3,15 @@
 //! Feature means alone can agree by a noise estimate that swallows the misfit. Distances cannot: where a pose is wrong,
 //! neighbouring points miss the shape in the same direction.
 
+use super::normals::Normals;
+use super::regions;
 use crate::neighbours::Neighbours;
 use crate::points::Points;
 
 /// Points of each side that are asked, at most.
-const MAX_QUERIES: usize = 1500;
+const MAX_QUERIES: usize = 1000;
+/// Points whose normals are fitted, at most.
+const MAX_NORMALS: usize = 400;
 
 /// Regions that coherent residuals are looked for in, at most; each has at least this many points.
 const MAX_REGIONS: usize = 32;
@@ -20,6 +24,12 @@ pub struct Support {
     pub target_rms: f64,
     /// The same from mapped source points to the target.
     pub source_rms: f64,
+    /// Robust standard deviation of the target's distances along the normals of the mapped source: the noise, however the
+    /// two sets were sampled. Equal to `target_rms` where the source has no normals.
+    pub normal_sigma: f64,
+    /// Share of target points whose nearest source point has them for its own nearest target point: nearly all for the same
+    /// points with small noise, about half for independent samples.
+    pub mutual: f64,
     /// Median distance of a target point to the nearest mapped source point.
     pub median: f64,
     /// Median distance between neighbours of the mapped source.
@@ -48,12 +58,15 @@ impl Support {
     /// assert_eq!(Support::of(&p, &p, None).unexplained_source, 0.0);
     /// ```
     pub fn of(source: &Points, target: &Points, noise_sigma: Option<f64>) -> Self {
-        let (source_rows, target_rows) = (rows(source), rows(target));
-        let dim = target.dim();
-        let (on_source, on_target) = (Neighbours::new(source_rows, dim), Neighbours::new(target_rows, dim));
-        let asked_target = residuals(on_target.rows(), &on_source);
-        let asked_source = residuals(on_source.rows(), &on_target);
-        let (source_spacing, target_spacing) = (spacing(&on_source), spacing(&on_target));
+        Self::against(source, &Neighbours::new(rows(target), target.dim()), noise_sigma)
+    }
+
+    /// Compare as [`Support::of`] with a target whose search structure stands already.
+    pub(crate) fn against(source: &Points, on_target: &Neighbours, noise_sigma: Option<f64>) -> Self {
+        let on_source = Neighbours::new(rows(source), on_target.dim());
+        let asked_target = residuals(on_target.rows(), &on_source, MAX_QUERIES);
+        let asked_source = residuals(on_source.rows(), on_target, MAX_QUERIES);
+        let (source_spacing, target_spacing) = (spacing(&on_source), spacing(on_target));
         let lengths = |asked: &[Residual]| {
             let mut lengths: Vec<f64> = asked.iter().map(|r| r.length).collect();
             lengths.sort_by(f64::total_cmp);
@@ -69,6 +82,8 @@ impl Support {
         Self {
             target_rms: trimmed_rms(&target_lengths),
             source_rms: trimmed_rms(&source_lengths),
+            normal_sigma: normal_sigma(&asked_target, &on_source).unwrap_or_else(|| trimmed_rms(&target_lengths)),
+            mutual: mutual(&asked_target, on_target),
             median: target_lengths.get(target_lengths.len() / 2).copied().unwrap_or(0.0),
             source_spacing,
             target_spacing,
@@ -86,6 +101,8 @@ impl Support {
 
 /// A point, its nearest neighbour's position, and the vector from there to the point.
 struct Residual {
+    point: [f64; 3],
+    index: usize,
     foot: [f64; 3],
     vector: [f64; 3],
     length: f64,
@@ -96,14 +113,42 @@ fn rows(points: &Points) -> Vec<[f64; 3]> {
 }
 
 /// Ask evenly spaced points for their nearest neighbours.
-fn residuals(points: &[[f64; 3]], tree: &Neighbours) -> Vec<Residual> {
-    let step = points.len().div_ceil(MAX_QUERIES);
+fn residuals(points: &[[f64; 3]], tree: &Neighbours, limit: usize) -> Vec<Residual> {
+    let step = points.len().div_ceil(limit);
     let ask = |p: &[f64; 3]| {
         let found = tree.nearest(p);
         let foot = tree.rows()[found.index];
-        Residual { foot, vector: std::array::from_fn(|d| p[d] - foot[d]), length: found.squared.sqrt() }
+        Residual {
+            point: *p,
+            index: found.index,
+            foot,
+            vector: std::array::from_fn(|d| p[d] - foot[d]),
+            length: found.squared.sqrt(),
+        }
     };
     points.iter().step_by(step).map(ask).collect()
+}
+
+/// Return 1.48 times the median distance along the normals, `None` where few points have one.
+fn normal_sigma(asked: &[Residual], tree: &Neighbours) -> Option<f64> {
+    let mut normals = Normals::new(tree.rows().len());
+    let step = asked.len().div_ceil(MAX_NORMALS);
+    let chosen: Vec<&Residual> = asked.iter().step_by(step).collect();
+    let along = |r: &&Residual| {
+        let normal = normals.at(r.index, tree, tree.rows())?;
+        Some((0..3).map(|d| normal[d] * r.vector[d]).sum::<f64>().abs())
+    };
+    let mut distances: Vec<f64> = chosen.iter().filter_map(along).collect();
+    distances.sort_by(f64::total_cmp);
+    (2 * distances.len() > chosen.len()).then(|| 1.4826 * distances[distances.len() / 2])
+}
+
+/// Return the share of points that are the nearest ones of their nearest ones.
+fn mutual(asked: &[Residual], on_target: &Neighbours) -> f64 {
+    let step = asked.len().div_ceil(MAX_NORMALS);
+    let chosen: Vec<&Residual> = asked.iter().step_by(step).collect();
+    let back = |r: &&&Residual| on_target.rows()[on_target.nearest(&r.foot).index] == r.point;
+    chosen.iter().filter(back).count() as f64 / chosen.len() as f64
 }
 
 /// Return the median distance between neighbours.
@@ -134,42 +179,22 @@ fn coherence(asked: &[Residual], limit: f64, spacing: f64) -> f64 {
     let mut kept: Vec<&Residual> = asked.iter().filter(|r| r.length <= limit).collect();
     let total: f64 = kept.iter().map(|r| r.length * r.length).sum();
     let count = kept.len();
-    let regions = (count / MIN_REGION).min(MAX_REGIONS).next_power_of_two() / 2;
+    let num_regions = (count / MIN_REGION).min(MAX_REGIONS).next_power_of_two() / 2;
     let floor = count as f64 * spacing * spacing;
-    if regions < 2 || total <= floor {
+    if num_regions < 2 || total <= floor {
         return 0.0;
     }
-    let depth = regions.trailing_zeros();
+    let depth = num_regions.trailing_zeros();
     let mut common = 0.0;
-    split(&mut kept, depth, &mut |group| {
+    regions(&mut kept, depth, &|r: &&Residual| r.foot, &mut |group| {
         for d in 0..3 {
             let sum: f64 = group.iter().map(|r| r.vector[d]).sum();
             common += sum * sum / group.len() as f64;
         }
     });
-    let chance = regions as f64 / count as f64;
+    let chance = num_regions as f64 / count as f64;
     let share = (common / total - chance) / (1.0 - chance);
     (share * (1.0 - floor / total)).clamp(0.0, 1.0)
-}
-
-/// Split by medians along the widest coordinate, `depth` times, and visit the groups.
-fn split(group: &mut [&Residual], depth: u32, visit: &mut dyn FnMut(&[&Residual])) {
-    if depth == 0 || group.len() < 2 {
-        visit(group);
-        return;
-    }
-    let width = |d: usize| {
-        let (low, high) = group
-            .iter()
-            .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), r| (low.min(r.foot[d]), high.max(r.foot[d])));
-        high - low
-    };
-    let axis = (0..3).max_by(|a, b| width(*a).total_cmp(&width(*b))).unwrap_or(0);
-    let middle = group.len() / 2;
-    group.select_nth_unstable_by(middle, |a, b| a.foot[axis].total_cmp(&b.foot[axis]));
-    let (low, high) = group.split_at_mut(middle);
-    split(low, depth - 1, visit);
-    split(high, depth - 1, visit);
 }
 
 /// How the two sets were sampled, which decides kappa (method.md, section 4).
@@ -215,14 +240,13 @@ impl Sampling {
     /// Choose by nearest-neighbour distances after the fit against the spacing, never from the residual: were kappa fitted,
     /// J would be 1 by construction and detect nothing.
     ///
-    /// Where the noise hides the spacing, the numbers of points (`counts`: target, source) decide: equal within 3 % counts as
-    /// the same points. `dim` is the dimension of the feature space.
-    pub fn detect(support: &Support, noise_sigma: Option<f64>, dim: usize, counts: [usize; 2]) -> Self {
-        // Same points: the median is that of the noise. Independent ones: about the spacing, with the noise on top. The
-        // threshold is half-way between their squares.
-        let (noise, spacing) = (noise_sigma.unwrap_or(0.0).powi(2) * dim as f64, support.source_spacing.powi(2));
+    /// Same points: the median distance is that of the noise, seen along the normals. Independent ones: about the spacing,
+    /// with the noise on top. Where the noise hides the spacing, the numbers of points (`counts`: target, source) decide:
+    /// equal within 3 % counts as the same points. `dim` is the dimension of the feature space.
+    pub fn detect(support: &Support, dim: usize, counts: [usize; 2]) -> Self {
+        let (noise, spacing) = (support.normal_sigma.powi(2) * dim as f64, support.source_spacing.powi(2));
         let visible = noise < 0.5 * spacing;
-        if visible && support.median.powi(2) > 0.5 * spacing + 0.65 * noise {
+        if visible && support.mutual < 0.75 && support.median.powi(2) > 0.4 * spacing + 0.65 * noise {
             return Sampling::Independent;
         }
         let ratio = counts[0] as f64 / counts[1] as f64;
