@@ -20,7 +20,7 @@ fn problem(registry: &Registry, solver: &str) -> Prepared {
     let trial = scenario.trial(&mut cfpose_lab::seed::data_stream(1, 1)).expect("a trial can be drawn");
     let settings = Settings {
         solver: solver.to_string(),
-        start: Start::Given(vec![trial.start.clone()]),
+        start: Start::Given(trial.start.clone().into_iter().collect()),
         ..Settings::preset("paper", scenario.model()).expect("the preset exists")
     };
     Prepared::new(registry, &settings, &trial.source, &trial.target, &Execution::default()).expect("the trial is valid")

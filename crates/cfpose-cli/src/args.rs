@@ -69,9 +69,12 @@ pub struct ProblemArgs {
     /// Weighting
     #[arg(long, value_name = "W")]
     pub weighting: Option<String>,
-    /// How the two sets sample their shape; no weighting so far depends on it
+    /// How the two sets sample their shape; auto finds out by distances between the points
     #[arg(long, value_name = "HOW", default_value = "auto")]
     pub sampling: Sampling,
+    /// Stages of the estimator from a TOML file, instead of those of the preset
+    #[arg(long, value_name = "FILE")]
+    pub pipeline: Option<PathBuf>,
     /// auto, identity, pca, grid, a file, or the numbers of theta
     #[arg(long, value_name = "START", default_value = "auto", allow_hyphen_values = true)]
     pub start: String,
@@ -326,6 +329,19 @@ pub enum Sampling {
     Thinned,
     /// Two samples of one shape.
     Independent,
+}
+
+impl Sampling {
+    /// Return what the user says, `None` where it is to be found out.
+    pub fn given(self) -> Option<cfpose::robust::support::Sampling> {
+        use cfpose::robust::support::Sampling as Known;
+        match self {
+            Sampling::Auto => None,
+            Sampling::Same => Some(Known::Same),
+            Sampling::Thinned => Some(Known::Thinned),
+            Sampling::Independent => Some(Known::Independent),
+        }
+    }
 }
 
 /// Read the form of rotations.

@@ -3,6 +3,7 @@
 use std::path::Path;
 use std::sync::Arc;
 
+use cfpose::estimator::Pipeline;
 use cfpose::free::{Frame, columns, find_columns};
 use cfpose::homography::in_file_units;
 use cfpose::model::TargetSide;
@@ -38,6 +39,13 @@ pub struct Loaded {
     pub free: Vec<String>,
     /// How rotations stand in lists of numbers.
     pub form: RotationForm,
+}
+
+impl Loaded {
+    /// Return the size of a unit of the feature space in the units of the target file: pixels for 2-column files of a camera.
+    pub fn target_unit(&self) -> f64 {
+        self.camera.filter(|_| self.target_dim == 2).map_or(1.0, Camera::focal)
+    }
 }
 
 /// Read the files and build the problem.
@@ -89,22 +97,46 @@ pub fn load(args: &ProblemArgs) -> Result<Loaded, Failure> {
     })
 }
 
+/// The word that leaves a choice to the preset.
+const PRESET_CHOICE: &str = "auto";
+
+/// Read the stages of an estimator.
+fn pipeline(path: &Path) -> Result<Pipeline, Failure> {
+    let text = std::fs::read_to_string(path)
+        .map_err(|error| Failure::input(format!("{}: cannot be read: {error}", path.display())))?;
+    let pipeline: Pipeline = toml::from_str(&text).map_err(|error| {
+        let line = error.span().map_or(1, |span| text[..span.start].matches('\n').count() + 1);
+        Failure::input(format!("{}: line {line}: {}", path.display(), error.message()))
+    })?;
+    if pipeline.stages.is_empty() {
+        return Err(Failure::input(format!("{}: no [[stage]]; an estimator has at least one", path.display())));
+    }
+    Ok(pipeline)
+}
+
 /// Resolve the preset, let flags win over it, and look up every name.
 fn settings(args: &ProblemArgs, registry: &Registry) -> Result<Settings, Failure> {
-    // Until a preset that chooses by itself exists, `auto` is the printed method.
-    let preset = if args.preset == "auto" { "paper" } else { &args.preset };
-    let mut settings = Settings::preset(preset, &args.model)?;
+    let mut settings = Settings::preset(&args.preset, &args.model)?;
     settings.features = args.features.clone().unwrap_or(settings.features);
     settings.solver = args.solver.clone().unwrap_or(settings.solver);
     settings.normaliser = args.normalise.clone().or(settings.normaliser);
     settings.weighting = args.weighting.clone().unwrap_or(settings.weighting);
     settings.seed = args.seed;
-    match registry.family(&settings.features, &BuildContext::default()) {
-        Err(error) if is_wrong_name(&error) => return Err(error.into()),
-        _ => {} // what depends on data is built with them
+    settings.sampling = args.sampling.given();
+    if let Some(path) = &args.pipeline {
+        settings.pipeline = Some(pipeline(path)?);
+    }
+    // What the preset leaves open is looked up when the model is known.
+    if settings.features != PRESET_CHOICE {
+        match registry.family(&settings.features, &BuildContext::default()) {
+            Err(error) if is_wrong_name(&error) => return Err(error.into()),
+            _ => {} // what depends on data is built with them
+        }
     }
     registry.solver(&settings.solver)?;
-    registry.weighting(&settings.weighting)?;
+    if settings.weighting != PRESET_CHOICE {
+        registry.weighting(&settings.weighting)?;
+    }
     if let Some(normaliser) = &settings.normaliser {
         registry.normaliser(normaliser)?;
     }

@@ -46,6 +46,34 @@ pub struct Report {
     alternatives: Vec<AlternativeReport>,
     warnings: Vec<String>,
     condition: f64,
+    /// Share of the target points that were left out as outliers.
+    clutter: Option<f64>,
+    /// Whether theta was refined by closest points.
+    refined: bool,
+    /// What each stage of the estimator did.
+    stages: Vec<StageRow>,
+}
+
+/// What one stage did.
+#[derive(Debug, Serialize)]
+struct StageRow {
+    name: String,
+    solves: usize,
+    evaluations: usize,
+    rejected: usize,
+}
+
+impl StageRow {
+    fn of(report: &cfpose::estimator::StageReport) -> Self {
+        let cfpose::estimator::StageReport { name, solves, evaluations, rejected } = report.clone();
+        Self { name, solves, evaluations, rejected }
+    }
+}
+
+/// Cut a square matrix into its rows.
+fn square(matrix: &[f64]) -> Vec<Vec<f64>> {
+    let n = (matrix.len() as f64).sqrt() as usize;
+    matrix.chunks_exact(n.max(1)).map(<[f64]>::to_vec).collect()
 }
 
 /// A pose with its convention.
@@ -87,6 +115,7 @@ impl Report {
     ) -> Self {
         let settings = loaded.prepared.settings();
         let list = |theta: &[f64]| loaded.prepared.model.layout.to_list(theta, loaded.form);
+        let statistics = estimate.statistics.as_ref();
         let alternatives = estimate.alternatives.iter().map(|other| AlternativeReport {
             theta: list(&other.theta),
             pose: PoseReport::of(loaded, &other.theta, args.depth),
@@ -101,7 +130,7 @@ impl Report {
             normalise: loaded.prepared.normaliser.clone(),
             weighting: settings.weighting.clone(),
             preset: settings.preset.clone(),
-            sampling: name_of(args.sampling),
+            sampling: estimate.sampling.map_or_else(|| name_of(args.sampling), str::to_string),
             seed: settings.seed,
             isa: loaded.isa.name(),
             num_source: loaded.num_source,
@@ -120,16 +149,19 @@ impl Report {
             evaluations: estimate.evaluations,
             starts: estimate.starts,
             seconds,
-            covariance: None,
-            j_statistic: None,
-            degrees_of_freedom: None,
-            p_value: None,
-            noise_sigma: None,
+            covariance: statistics.map(|s| square(&s.covariance)),
+            j_statistic: statistics.map(|s| s.j_statistic),
+            degrees_of_freedom: statistics.map(|s| s.degrees_of_freedom),
+            p_value: statistics.map(|s| s.p_value),
+            noise_sigma: statistics.and_then(|s| s.noise_sigma).map(|sigma| sigma * loaded.target_unit()),
             verdict: estimate.verdict.map(cfpose::Verdict::name),
             message: estimate.outcome.message.clone(),
             alternatives: alternatives.collect(),
             warnings: estimate.warnings.clone(),
             condition: estimate.conditioning.condition,
+            clutter: estimate.clutter,
+            refined: estimate.refined,
+            stages: estimate.stages.iter().map(StageRow::of).collect(),
         }
     }
 
@@ -162,6 +194,15 @@ impl Report {
         rows.push(vec!["cost".into(), number(self.cost)]);
         rows.push(vec!["status".into(), format!("{} ({})", self.status, self.message)]);
         rows.push(vec!["work".into(), work]);
+        if let Some(verdict) = self.verdict {
+            rows.push(vec!["verdict".into(), verdict.into()]);
+        }
+        if let (Some(j), Some(dof), Some(p)) = (self.j_statistic, self.degrees_of_freedom, self.p_value) {
+            rows.push(vec!["J".into(), format!("{} with {dof} degrees of freedom, p = {}", number(j), number(p))]);
+        }
+        if let Some(sigma) = self.noise_sigma {
+            rows.push(vec!["noise".into(), number(sigma)]);
+        }
         if !self.alternatives.is_empty() {
             let costs: Vec<String> = self.alternatives.iter().map(|other| number(other.cost)).collect();
             rows.push(vec!["other costs".into(), costs.join(" ")]);

@@ -5,8 +5,10 @@ use std::time::{Duration, Instant};
 
 use cfpose::theta::RotationForm;
 use cfpose::{BuildContext, Estimate, Execution, Prepared, Supervision};
+use cfpose_optim::Manifold;
 use serde_json::Map;
 
+use crate::calibration::mahalanobis;
 use crate::config::Experiment;
 use crate::lab::Lab;
 use crate::method::Method;
@@ -147,5 +149,14 @@ impl Bench<'_> {
         record.e_sum = Some(error.angle + error.translation);
         record.success = record.usable && trial.success.holds(&error);
         record.success_sum = record.usable && trial.success.holds_for_sum(&error);
+        if let Some(statistics) = &estimate.statistics {
+            let manifold = model.layout.manifold();
+            record.noise_sigma = statistics.noise_sigma;
+            record.j_statistic = Some(statistics.j_statistic).filter(|value| value.is_finite());
+            record.degrees_of_freedom = Some(statistics.degrees_of_freedom);
+            record.p_value = Some(statistics.p_value);
+            record.mahalanobis = mahalanobis(manifold, &estimate.theta, &trial.truth, &statistics.covariance);
+            record.mahalanobis_dof = record.mahalanobis.map(|_| manifold.tangent());
+        }
     }
 }

@@ -21,6 +21,15 @@ impl Camera {
     /// The camera that leaves image points as they are.
     pub const IDENTITY: Self = Self(Intrinsics { fx: 1.0, fy: 1.0, cx: 0.0, cy: 0.0 });
 
+    /// Return the focal length in pixels, the geometric mean of both.
+    ///
+    /// ```
+    /// assert_eq!(cfpose_vision::Camera::new(400.0, 900.0, 0.0, 0.0).unwrap().focal(), 600.0);
+    /// ```
+    pub fn focal(self) -> f64 {
+        (self.0.fx * self.0.fy).sqrt()
+    }
+
     /// Make a camera of focal lengths and principal point, all in pixels; `None` when a number is not finite or a focal
     /// length is not positive.
     pub fn new(fx: f64, fy: f64, cx: f64, cy: f64) -> Option<Self> {

@@ -6,7 +6,7 @@ use rand_chacha::ChaCha8Rng;
 
 use super::Supervision;
 use super::engine::{Engine, Hypothesis};
-use super::level::{Ingredients, LEAST_NOISE, Level};
+use super::level::{Ingredients, LEAST_NOISE};
 use super::pipeline::{NoiseModel, Outliers, Pipeline};
 use crate::error::Error;
 use crate::neighbours::Neighbours;

@@ -23,6 +23,9 @@ const MAX_CLUTTER: f64 = 0.45;
 /// Global starts that are climbed from before outliers are suspected.
 const FIRST_GLOBAL: usize = 2;
 
+/// A refinement is tried where the noise seems to be below so many times its limit.
+const NEARLY: f64 = 4.0;
+
 /// The state of an estimate while it is made.
 struct Draft {
     theta: Vec<f64>,
@@ -179,23 +182,20 @@ impl Prepared {
     }
 
     /// Refine by closest points where the noise is small: exact without noise, biased with much.
+    ///
+    /// Distances along the normals say how large the noise is, whatever the sampling; a pose that is still off adds its
+    /// misfit, so the gate is asked again after the refinement.
     fn refine(&self, engine: &Engine<'_>, draft: &mut Draft) -> Result<(), Error> {
         let level = engine.last();
-        let sigma = draft.statistics.as_ref().and_then(|s| s.noise_sigma).or(level.noise_sigma(&draft.theta));
-        // Distances along the normals see small noise that the means cannot tell from sampling.
-        let sigma = match (sigma, &draft.support) {
-            (Some(sigma), Some(support)) => Some(sigma.min(support.normal_sigma)),
-            (sigma, _) => sigma,
-        };
-        let small = sigma.is_some_and(|sigma| sigma < engine.pipeline.refine_below * level.unit());
-        if !small || !draft.outcome.usable() {
+        let limit = engine.pipeline.refine_below * level.unit();
+        let Some(before) = draft.support.filter(|s| s.normal_sigma < NEARLY * limit && draft.outcome.usable()) else {
             return Ok(());
-        }
+        };
         let Some(fit) = level.refined(&draft.theta) else { return Ok(()) };
         let support = level.support(&fit.theta)?;
         // Never worse than its start; below the spacing, distances between points do not rank thetas.
-        let bound = |before: Support| (1.001 * before.target_rms).max(before.source_spacing);
-        if draft.support.is_some_and(|before| support.target_rms > bound(before)) {
+        let bound = (1.001 * before.target_rms).max(before.source_spacing);
+        if support.normal_sigma > limit || support.target_rms > bound {
             return Ok(());
         }
         draft.theta = fit.theta;
@@ -203,6 +203,7 @@ impl Prepared {
         draft.refined = true;
         if let Some(statistics) = &mut draft.statistics {
             statistics.covariance = fit.covariance;
+            statistics.noise_sigma = Some(support.normal_sigma);
         }
         Ok(())
     }
