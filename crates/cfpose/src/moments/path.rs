@@ -132,8 +132,8 @@ impl MomentPath {
         let (path, affine) = (self, &affine);
         // Rows of all levels together: (degree + 3 choose 3), one more a level and two at the end.
         match self.degree {
-            ..=4 => isa.run(Recursion::<8, 42> { path, affine, prepared, transform, means: &mut means }),
-            ..=7 => isa.run(Recursion::<8, 130> { path, affine, prepared, transform, means: &mut means }),
+            0..=4 => isa.run(Recursion::<8, 42> { path, affine, prepared, transform, means: &mut means }),
+            5..=7 => isa.run(Recursion::<8, 130> { path, affine, prepared, transform, means: &mut means }),
             _ => isa.run(Recursion::<16, 176> { path, affine, prepared, transform, means: &mut means }),
         }
         means
