@@ -20,6 +20,7 @@ pub struct HandSums {
 }
 
 /// The kernel: points as columns, theta as rotation matrix and translation, normalisation x -> scale (x - mean).
+#[derive(Clone, Copy)]
 pub struct Hand<'a> {
     /// Coordinates.
     pub columns: [&'a [f64]; 3],

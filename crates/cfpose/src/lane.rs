@@ -211,7 +211,8 @@ impl<S: Simd> Scalar for Lane<S> {
         ]);
         let mantissa = (r * r).mul_add(tail, r) + 1.0;
         // 2^count in two factors, so that the extremes neither overflow nor underflow early.
-        let power = |n: f64| f64::from_bits(((n + 1023.0) as u64) << 52);
+        // n + 1023 + 2^52 has n + 1023 in its low bits: a shift makes it the exponent, without a conversion lane by lane.
+        let power = |n: f64| f64::from_bits((n + 4_503_599_627_371_519.0).to_bits() << 52);
         let half = (count * 0.5 + ROUND) - ROUND;
         let value = mantissa * half.map_lanes(power) * (count - half).map_lanes(power);
         let value = self.select_less(self.all(-708.396_418_532_264_1), self.all(0.0), value);

@@ -88,16 +88,60 @@ fn results_are_the_same_bits_at_any_thread_count() {
     let points = Points::from_rows(&rows).unwrap();
     let mut sample = Sample::draw(&registry, "bearing3", 100, 0.3, 1).unwrap();
     sample.source = points;
-    for isa in Isa::available() {
-        let single = Execution { isa, pool: None };
-        let reference = sample.problem(&registry, "trig18", &single).unwrap().unwrap().evaluate(&sample.theta);
-        for threads in [1, 2, 3, 7] {
-            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-            let execution = Execution { isa, pool: Some(Arc::new(pool)) };
-            let parallel = sample.problem(&registry, "trig18", &execution).unwrap().unwrap();
-            assert_eq!(parallel.evaluate(&sample.theta), reference, "{} with {threads} threads", isa.name());
+    // A separable family, two closed under differentiation, one neither; a map with projection and one without.
+    for (model, family) in [
+        ("bearing3", "trig18"),
+        ("bearing3", "hermite[degree=3]"),
+        ("bearing3", "rbf"),
+        ("rigid3", "fourier[k=2]"),
+        ("rigid3", "rbf"),
+    ] {
+        sample = Sample { source: sample.source, ..Sample::draw(&registry, model, 100, 0.3, 1).unwrap() };
+        for isa in Isa::available() {
+            let single = Execution { isa, pool: None };
+            let reference = sample.problem(&registry, family, &single).unwrap().unwrap().evaluate(&sample.theta);
+            for threads in [1, 2, 3, 7] {
+                let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+                let execution = Execution { isa, pool: Some(Arc::new(pool)) };
+                let parallel = sample.problem(&registry, family, &execution).unwrap().unwrap();
+                let evaluation = parallel.evaluate(&sample.theta);
+                assert_eq!(evaluation, reference, "{model} x {family} on {} with {threads} threads", isa.name());
+            }
         }
     }
+}
+
+#[test]
+fn lanes_equal_the_scalar_oracle_near_singularities() {
+    let registry = Registry::default();
+    let mut rng = ChaCha12Rng::seed_from_u64(11);
+    let mut checked = 0;
+    for model in &registry.models {
+        let mut sample = Sample::draw(&registry, model.name, 90, 0.4, 2).unwrap();
+        let dim = sample.source.dim();
+        // All points within a ten-thousandth of each other; for the camera, within a hundredth of its centre, where y = R M + T is
+        // nearly 0. Closer, the rounding of y itself, eps norm(T) / norm(y), exceeds the bound for any order of operations.
+        let (mut centre, mut width) = ([0.3; 3], 1e-4);
+        if model.name == "bearing3" {
+            let (r, t) = (&sample.theta[..9], &sample.theta[9..12]);
+            width = 2e-2;
+            centre = std::array::from_fn(|c| -(0..3).map(|i| r[3 * i + c] * t[i]).sum::<f64>());
+        }
+        let homogeneous = sample.source.column(dim - 1).iter().all(|z| *z == 1.0);
+        let mut column = |d: usize| (0..90).map(|_| centre[d] + width * (rng.random::<f64>() - 0.5)).collect();
+        let mut columns: Vec<Vec<f64>> = (0..dim).map(&mut column).collect();
+        if homogeneous {
+            columns[dim - 1] = vec![1.0; 90];
+        }
+        sample.source = Points::from_columns(columns).unwrap();
+        for family in ["trig18", "hermite[degree=3]", "fourier[k=2]"] {
+            let Some(problem) = sample.problem(&registry, family, &Execution::default()).unwrap() else { continue };
+            let report = derivatives(&problem, &sample.theta);
+            assert!(report.oracle < 1e-12 && report.lanes < 1e-12, "{} x {family}: {report:?}", model.name);
+            checked += 1;
+        }
+    }
+    assert!(checked > 2 * registry.models.len(), "only {checked} pairs were checked");
 }
 
 proptest! {

@@ -104,7 +104,10 @@ pub fn run(args: &CheckArgs) -> Result<(), Failure> {
     for solver in &chosen.solvers {
         report.solvers.push(SolverLine::check(&registry, solver)?);
     }
-    report.warnings = slow_entries(&report.pairs, execution.isa);
+    // Without optimisation every entry is slow.
+    if !cfg!(debug_assertions) {
+        report.warnings = slow_entries(&report.pairs, execution.isa);
+    }
     let json = args.json.as_deref();
     if !report.pairs.is_empty() {
         output::show(&table(&report.pairs), json)?;
@@ -258,35 +261,35 @@ fn lane_speedup(
 }
 
 /// Name the models and families that are slow on lanes with every partner, and say what to do.
-///
-/// An entry is judged by its best pair: a slow partner is not its fault. Only optimised builds are judged.
 fn slow_entries(lines: &[Line], isa: Isa) -> Vec<String> {
-    if cfg!(debug_assertions) {
-        return Vec::new();
-    }
-    let threshold = HEALTHY_SHARE * isa.lanes() as f64;
-    let sides: [(&str, &str, fn(&Line) -> &str); 2] =
-        [("model", "project", |line| &line.model), ("family", "basis", |line| &line.family)];
-    let mut warnings = Vec::new();
-    for (kind, function, name_of) in sides {
-        let mut best: BTreeMap<&str, f64> = BTreeMap::new();
-        for line in lines {
-            if let Some(speedup) = line.lane_speedup {
-                let entry = best.entry(name_of(line)).or_insert(0.0);
-                *entry = entry.max(speedup);
-            }
-        }
-        for (name, speedup) in best.into_iter().filter(|(_, speedup)| *speedup < threshold) {
-            warnings.push(format!(
-                "warning: {kind} `{name}` is at best {speedup:.1} times as fast on {} lanes as on plain numbers (healthy: {:.0} or more): \
-                 its per-point code is not inlined. Put #[inline(always)] on `{function}` and on every helper it calls, write plain index \
-                 loops instead of array::map, array::from_fn and closures, and `select_less` instead of `if`; see docs/adding/{kind}.md",
-                isa.name(),
-                0.5 * isa.lanes() as f64,
-            ));
-        }
-    }
+    let mut warnings = slow(lines, isa, "model", "project", |line| &line.model);
+    warnings.extend(slow(lines, isa, "family", "basis", |line| &line.family));
     warnings
+}
+
+/// Judge each entry of one kind by its best pair: a slow partner is not its fault.
+fn slow(lines: &[Line], isa: Isa, kind: &str, function: &str, name_of: fn(&Line) -> &str) -> Vec<String> {
+    let mut best: BTreeMap<&str, f64> = BTreeMap::new();
+    for line in lines {
+        if let Some(speedup) = line.lane_speedup {
+            let entry = best.entry(name_of(line)).or_insert(0.0);
+            *entry = entry.max(speedup);
+        }
+    }
+    let lanes = isa.lanes() as f64;
+    let warn = |(name, speedup): (&str, f64)| {
+        (speedup < HEALTHY_SHARE * lanes).then(|| {
+            format!(
+                "warning: {kind} `{name}` is at best {speedup:.1} times as fast on {} lanes as on plain numbers (healthy: {:.0} or \
+                 more): its per-point code is not inlined. Put #[inline(always)] on `{function}` and on every helper it calls, \
+                 write plain index loops instead of array::map, array::from_fn and closures, and `select_less` instead of `if`; \
+                 see docs/adding/{kind}.md",
+                isa.name(),
+                0.5 * lanes,
+            )
+        })
+    };
+    best.into_iter().filter_map(warn).collect()
 }
 
 fn table(lines: &[Line]) -> String {
@@ -315,4 +318,27 @@ fn table(lines: &[Line]) -> String {
         ]
     };
     output::table(&header, &lines.iter().map(row).collect::<Vec<_>>())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_entry_is_slow_when_all_its_pairs_are() {
+        let isa = Isa::detect();
+        if isa.lanes() == 1 {
+            return;
+        }
+        let line = |model: &str, family: &str, speedup: f64| Line {
+            lane_speedup: Some(speedup * isa.lanes() as f64),
+            ..Line::skipped(model, family, String::new())
+        };
+        let lines =
+            [line("good", "fast", 0.9), line("good", "slow", 0.1), line("bad", "fast", 0.2), line("bad", "slow", 0.1)];
+        let warnings = slow_entries(&lines, isa);
+        assert_eq!(warnings.len(), 2, "{warnings:?}");
+        assert!(warnings[0].contains("model `bad`") && warnings[0].contains("#[inline(always)] on `project`"));
+        assert!(warnings[1].contains("family `slow`") && warnings[1].contains("docs/adding/family.md"));
+    }
 }

@@ -132,8 +132,8 @@ impl MomentPath {
         let (path, affine) = (self, &affine);
         // Rows of all levels together: (degree + 3 choose 3), one more a level and two at the end.
         match self.degree {
-            ..=4 => isa.run(Recursion::<8, 42> { path, affine, prepared, transform, means: &mut means }),
-            ..=7 => isa.run(Recursion::<8, 130> { path, affine, prepared, transform, means: &mut means }),
+            0..=4 => isa.run(Recursion::<8, 42> { path, affine, prepared, transform, means: &mut means }),
+            5..=7 => isa.run(Recursion::<8, 130> { path, affine, prepared, transform, means: &mut means }),
             _ => isa.run(Recursion::<16, 176> { path, affine, prepared, transform, means: &mut means }),
         }
         means
@@ -264,12 +264,12 @@ impl<const WIDTH: usize, const ROWS: usize> Recursion<'_, WIDTH, ROWS> {
         for k in 0..4 {
             factors[k] = Lane::splat(simd, self.affine[q * 4 + k]);
         }
-        for (i, (row, out)) in rows.iter().zip(out.chunks_exact_mut(WIDTH)).enumerate() {
-            let first = &from[row.first * WIDTH..(row.first + 1) * WIDTH];
-            let second = &from[row.second * WIDTH..(row.second + 1) * WIDTH];
+        // Arrays, not slices: their length is known, and the vectors inside need no check.
+        let level = from.as_chunks::<WIDTH>().0;
+        for (i, (row, out)) in rows.iter().zip(out.as_chunks_mut::<WIDTH>().0).enumerate() {
+            let (own, first, second) = (&level[i], &level[row.first], &level[row.second]);
             // One place further; the last entry is the next row's, and no valid entry depends on it.
-            let own = &from[i * WIDTH..(i + 1) * WIDTH];
-            let further = &from[i * WIDTH + 1..];
+            let Some(further) = from[i * WIDTH + 1..].first_chunk::<WIDTH>() else { return };
             let mut lane = 0;
             while lane < WIDTH {
                 let mut sum = factors[3] * Lane::load(simd, &own[lane..]);
@@ -296,8 +296,8 @@ impl Slopes<'_> {
     #[inline(always)]
     fn pass<S: Simd, const N: usize>(&self, simd: S, first: usize, jacobian: &mut [f64]) -> usize {
         let (path, prepared) = (self.path, self.prepared);
-        // Direction c of coordinate q and column k at [q * 4 + k][c].
-        let mut directions = [[0.0; COLUMNS]; 12];
+        // Direction c of coordinate q and column k at [q][k][c].
+        let mut directions = [[[0.0; COLUMNS]; 4]; 3];
         let (size, num_rows) = (path.dim * path.lift_len, path.dim);
         for c in 0..N {
             let j = first + c;
@@ -305,7 +305,7 @@ impl Slopes<'_> {
             let (a, b) = (&prepared.da[j * size..(j + 1) * size], &prepared.db[j * num_rows..(j + 1) * num_rows]);
             path.fold(a, b, &[0.0; 3], self.transform, &mut direction);
             for entry in 0..12 {
-                directions[entry][c] = direction[entry];
+                directions[entry / 4][entry % 4][c] = direction[entry];
             }
         }
         for (range, out) in path.starts.windows(2).zip(jacobian.chunks_exact_mut(prepared.tangent)) {
@@ -314,9 +314,9 @@ impl Slopes<'_> {
             while lane < COLUMNS {
                 let mut sum = Lane::splat(simd, 0.0);
                 for term in &path.terms[range[0]..range[1]] {
-                    let head = &self.heads[term.lower];
+                    let (head, columns) = (&self.heads[term.lower], &directions[term.q]);
                     for k in 0..4 {
-                        let direction = Lane::load(simd, &directions[term.q * 4 + k][lane..]);
+                        let direction = Lane::load(simd, &columns[k][lane..]);
                         sum = Lane::splat(simd, term.factor * head[k]).mul_add(direction, sum);
                     }
                 }
