@@ -185,7 +185,7 @@ fn to_image(points: Points, camera: Option<Camera>, path: &Path) -> Result<Point
 }
 
 /// Put the name of the file before an error about its points.
-fn name_file(error: cfpose::Error, args: &ProblemArgs, target: &Points) -> Failure {
+pub fn name_file(error: cfpose::Error, args: &ProblemArgs, target: &Points) -> Failure {
     // What the reader accepted is finite, so the model made a value that is not.
     if let cfpose::Error::Points { side: "target", problem: PointsError::NotFinite { row, .. } } = &error {
         let is_zero = row.checked_sub(1).is_some_and(|k| k < target.len() && target.point(k) == [0.0; 3]);

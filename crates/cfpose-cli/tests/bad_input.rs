@@ -110,7 +110,7 @@ fn unknown_names_suggest_known_ones() {
         ("rigid3 --solver levenberg", "solver `levenberg`; did you mean levenberg-marquardt", "solvers"),
         ("rigid3 --normalise whitened", "normaliser `whitened`; did you mean whiten", "normalisers"),
         ("rigid3 --weighting identiy", "weighting `identiy`; did you mean identity", "weightings"),
-        ("rigid3 --preset papper", "preset `papper`; did you mean paper", "presets"),
+        ("rigid3 --preset papper", "preset `papper`; did you mean auto or paper", "presets"),
     ];
     for (arguments, begin, table) in cases {
         let message = desk.fails(2, &format!("{line} {arguments}"));
@@ -163,7 +163,7 @@ fn a_run_without_a_usable_result_still_writes_its_json() {
     // The start puts a point into the camera's centre: its ray does not exist.
     desk.write("p.csv", "0,0,1\n1,0,2\n0,1,3\n1,1,1\n0.5,0.2,1\n0.1,0.7,2\n");
     desk.write("q.csv", "0,0\n0.1,0.2\n0.2,0.3\n0.4,0.1\n0.3,0.5\n0.6,0.2\n");
-    let line = "estimate --model bearing3 --source p.csv --target q.csv --start=0,0,0,0,0,-1 --json -";
+    let line = "estimate --model bearing3 --preset paper --source p.csv --target q.csv --start=0,0,0,0,0,-1 --json -";
     let run = desk.run(line);
     assert_eq!(run.code, 4, "{}{}", run.out, run.err);
     let result: serde_json::Value = serde_json::from_str(&run.out).unwrap();

@@ -28,11 +28,13 @@ fn the_motivation_example_gives_one_and_the_papers_correspondence() {
 #[test]
 fn every_field_of_the_contract_is_there() {
     let desk = motivation();
-    let result = desk.json("estimate --model gain1 --source p.csv --target q.csv --sampling same --seed 7");
+    let result =
+        desk.json("estimate --model gain1 --preset paper --source p.csv --target q.csv --sampling same --seed 7");
     let names: Vec<&str> = result.as_object().unwrap().keys().map(String::as_str).collect();
     let expected = "schema model features solver normalise weighting preset sampling seed isa num_source num_target theta rotation_form free \
                     pose homography correspondence cost status usable iterations evaluations starts seconds covariance \
-                    j_statistic degrees_of_freedom p_value noise_sigma verdict message alternatives warnings condition";
+                    j_statistic degrees_of_freedom p_value noise_sigma verdict message alternatives warnings condition \
+                    clutter refined stages";
     assert_eq!(names, expected.split_whitespace().collect::<Vec<_>>());
     assert_eq!(result["schema"], "cfpose.estimate/1");
     assert_eq!(
@@ -96,7 +98,7 @@ fn outputs_go_to_files() {
     }
 
     // The transformed points lie on the target; a result is a start, and so is a pose.
-    let again = "estimate --model rigid3 --target q.csv --features hermite";
+    let again = "estimate --model rigid3 --preset paper --target q.csv --features hermite";
     let identity = desk.json(&format!("{again} --source moved.ply"));
     let angle = degrees_between(&pose_of(&identity["pose"]), &random_identity());
     assert!(angle < 1e-6, "{angle}");
@@ -119,7 +121,7 @@ fn small_pair() -> (Desk, cfpose::Pose) {
     (desk, truth)
 }
 
-const SMALL: &str = "estimate --model rigid3 --source p.csv --target q.csv --features hermite";
+const SMALL: &str = "estimate --model rigid3 --preset paper --source p.csv --target q.csv --features hermite";
 
 #[test]
 fn a_result_is_a_start_in_the_form_it_was_written_in_and_for_its_own_model() {
@@ -291,8 +293,7 @@ fn a_homography_is_given_in_pixels() {
     shuffle(&mut target, 13);
     desk.write_rows("p.csv", &source);
     desk.write_rows("q.csv", &target);
-    let line =
-        "estimate --model homography --source p.csv --target q.csv --features hermite[degree=4] --normalise whiten";
+    let line = "estimate --model homography --preset paper --source p.csv --target q.csv --features hermite[degree=4] --normalise whiten";
     let result = desk.json(&format!("{line} --camera 500,510,320,240"));
     for i in 0..3 {
         for k in 0..3 {

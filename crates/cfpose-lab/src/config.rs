@@ -9,7 +9,7 @@ use toml::{Table, Value};
 use crate::error::LabError;
 use crate::folder;
 use crate::lab::Lab;
-use crate::method::{Method, SCENARIO_START, default_preset};
+use crate::method::{DEFAULT_PRESET, Method, SCENARIO_START};
 use crate::plan::Cell;
 use crate::seed::fnv1a;
 use crate::value::{canonical, text_of, toml_of};
@@ -351,7 +351,7 @@ impl Reader<'_> {
         for (place, table) in self.tables(table, "method")? {
             self.known_keys(&place, table, METHOD_KEYS)?;
             let text = |key| self.text(&place, table, key);
-            let preset = text("preset")?.unwrap_or_else(|| default_preset().to_string());
+            let preset = text("preset")?.unwrap_or_else(|| DEFAULT_PRESET.to_string());
             let method = Method {
                 name: text("name")?.ok_or_else(|| self.value_error(&place, "the method has no `name`".to_string()))?,
                 preset,

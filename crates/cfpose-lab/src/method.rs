@@ -1,20 +1,17 @@
 //! A method: a name for preset, or model + features + normaliser + weighting + solver + starts.
 
 use cfpose::entry::{EntryError, find};
-use cfpose::estimator::PRESETS;
 use cfpose::{BuildContext, Registry, Settings, Start};
 use serde::Serialize;
 
 /// Start that takes the scenario's own theta_0.
 pub const SCENARIO_START: &str = "scenario";
 
-/// Start that takes the preset's own strategy, also where the scenario has a theta_0.
+/// What leaves a part to the preset: as a start, its own strategy also where the scenario has a theta_0.
 pub const PRESET_START: &str = "auto";
 
-/// Return the preset of a method that names none: `auto`, or `paper` while there is no `auto`.
-pub fn default_preset() -> &'static str {
-    if PRESETS.contains(&"auto") { "auto" } else { "paper" }
-}
+/// Preset of a method that names none.
+pub const DEFAULT_PRESET: &str = "auto";
 
 /// One `[[method]]` of an experiment; everything that is not given comes from the preset.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -121,8 +118,12 @@ impl Method {
             )));
         }
         // Families may depend on the data, so only name and parameters are checked here.
-        find("family", &registry.families, &settings.features).map_err(build)?;
-        registry.weighting(&settings.weighting)?;
+        if settings.features != PRESET_START {
+            find("family", &registry.families, &settings.features).map_err(build)?;
+        }
+        if settings.weighting != PRESET_START {
+            registry.weighting(&settings.weighting)?;
+        }
         registry.solver(&settings.solver)?;
         if let Some(normaliser) = &settings.normaliser {
             registry.normaliser(normaliser)?;

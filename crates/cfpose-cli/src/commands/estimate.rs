@@ -27,7 +27,10 @@ pub fn run(args: &EstimateArgs) -> Result<(), Failure> {
     check_outputs(args, &loaded)?;
     let mut watch = Watch::new(args.verbose, loaded.prepared.starts.len());
     let supervision = Supervision { observer: Some(&mut watch), ..Supervision::default() };
-    let estimate = loaded.prepared.solve(&loaded.registry, supervision)?;
+    let estimate = loaded
+        .prepared
+        .solve(&loaded.registry, supervision)
+        .map_err(|error| inputs::name_file(error, &args.problem, &loaded.prepared.target))?;
     drop(watch);
     let correspondence = correspondence(args, &loaded, &estimate);
     let report = Report::new(&args.problem, &loaded, &estimate, correspondence, begun.elapsed().as_secs_f64());

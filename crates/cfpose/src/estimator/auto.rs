@@ -1,5 +1,7 @@
 //! The preset `auto`: the pipeline of a model, from what the model says about itself.
 
+use cfpose_optim::manifold::Manifold;
+
 use super::pipeline::{NoiseModel, Outliers, Pipeline, Stage};
 use crate::model::{LinearKind, Model, Relations};
 use crate::theta::BlockKind;
@@ -17,29 +19,29 @@ const WEIGHTED: &str = "two-step";
 /// * Everything else: the features of the model's documented basin from its start strategy, no statistic.
 pub(super) fn pipeline(model: &Model) -> Pipeline {
     if let Some(relations) = &model.relations {
-        return projective(relations);
+        return projective(relations, model.layout.manifold().tangent());
     }
     let facts = model.source.factored();
     let additive = !model.target.is_moving() && facts.is_some_and(|facts| facts.identity_projection);
     if additive && model.normaliser.is_none() { direct(model) } else { plain(model) }
 }
 
-/// Coarse-to-fine waves: a wide basin first, then accuracy (method.md, section 7, step 2).
-fn annealed(dim: usize) -> Vec<Stage> {
-    let levels: &[(usize, f64)] =
-        if dim == 3 { &[(1, 0.0), (2, 0.8), (3, 0.6), (4, 0.3)] } else { &[(1, 0.0), (2, 0.8), (3, 0.4)] };
-    let stage = |(k, damping): &(usize, f64)| Stage {
+/// Coarse-to-fine waves on the sphere: a wide basin first, then accuracy (method.md, section 7, step 2). A level needs at
+/// least as many functions as there are unknowns: 6, 32, 122, 256.
+fn annealed(unknowns: usize) -> Vec<Stage> {
+    let levels = [(1, 0.0, 6), (2, 0.8, 32), (3, 0.6, 122), (4, 0.3, 256)];
+    let stage = |(k, damping, _): &(usize, f64, usize)| Stage {
         iterations: 20,
         source_points: COARSE_POINTS / 2,
         target_points: COARSE_POINTS,
         ..Stage::new(&format!("waves-{k}"), &format!("fourier[k={k},w0=1.2,damping={damping}]"))
     };
-    levels.iter().map(stage).collect()
+    levels.iter().filter(|(_, _, functions)| *functions >= unknowns).map(stage).collect()
 }
 
 /// Rays: method.md, section 7.
-fn projective(relations: &Relations) -> Pipeline {
-    let mut stages = annealed(3);
+fn projective(relations: &Relations, unknowns: usize) -> Pipeline {
+    let mut stages = annealed(unknowns);
     stages.iter_mut().for_each(|stage| stage.model = Some(relations.sphere.clone()));
     if let Some(last) = stages.last_mut() {
         last.gate = true;

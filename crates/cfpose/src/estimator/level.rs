@@ -160,6 +160,11 @@ impl Level {
         self.model.layout.manifold().ambient()
     }
 
+    /// Return the number of points of the smaller set.
+    pub fn fewest_points(&self) -> usize {
+        self.counts[0].min(self.counts[1])
+    }
+
     /// Return the number of the model's own free tangent coordinates.
     pub fn own_tangent(&self) -> usize {
         self.problem.manifold().tangent() - self.num_nuisance()

@@ -2,6 +2,7 @@
 
 use cfpose_optim::manifold::Manifold;
 use cfpose_optim::outcome::Counts;
+use cfpose_optim::problem::LeastSquares;
 use cfpose_optim::{Outcome, Status};
 
 use super::engine::{COHERENT, Engine, Hypothesis, PARTIAL, ranked};
@@ -216,7 +217,7 @@ impl Prepared {
         let verdict = if !draft.outcome.usable() {
             Some(Verdict::Failed)
         } else {
-            draft.statistics.as_ref().map(|statistics| verdict(&draft, statistics))
+            draft.statistics.as_ref().map(|statistics| verdict(engine, &draft, statistics))
         };
         let mut alternatives = Vec::new();
         for other in found.iter().filter(|h| h.solved.outcome.usable()) {
@@ -231,7 +232,7 @@ impl Prepared {
             }
         }
         let mut warnings = examined.0;
-        warnings.extend(reasons(&draft));
+        warnings.extend(reasons(engine, &draft));
         warnings.extend(examined.1.warnings());
         Ok(Estimate {
             theta,
@@ -290,16 +291,31 @@ impl Prepared {
 }
 
 /// Say how sure one may be.
-fn verdict(draft: &Draft, statistics: &Statistics) -> Verdict {
+fn verdict(engine: &Engine<'_>, draft: &Draft, statistics: &Statistics) -> Verdict {
     let partial = draft.support.is_some_and(|s| s.unexplained_source > PARTIAL || s.coherence > COHERENT);
     let cluttered = draft.clutter.is_some_and(|share| share > MAX_CLUTTER);
     let agrees = draft.accepted && statistics.p_value >= P_SUSPECT;
-    if agrees && draft.plausible && !partial && !cluttered { Verdict::Good } else { Verdict::Suspect }
+    if agrees && draft.plausible && !partial && !cluttered && is_informative(engine, statistics) {
+        Verdict::Good
+    } else {
+        Verdict::Suspect
+    }
+}
+
+/// Say whether the points outnumber the feature means by far: a handful of points can match any means.
+fn is_informative(engine: &Engine<'_>, statistics: &Statistics) -> bool {
+    let level = engine.last();
+    let means = statistics.degrees_of_freedom + level.problem.manifold().tangent();
+    level.fewest_points() * level.model.dim() >= 2 * means
 }
 
 /// Say in words why an estimate is not good.
-fn reasons(draft: &Draft) -> Vec<String> {
+fn reasons(engine: &Engine<'_>, draft: &Draft) -> Vec<String> {
     let mut reasons = Vec::new();
+    if draft.statistics.as_ref().is_some_and(|s| !is_informative(engine, s)) {
+        let few = engine.last().fewest_points();
+        reasons.push(format!("{few} points are too few for the statistics of so many feature means"));
+    }
     if let Some(statistics) = draft.statistics.as_ref().filter(|s| s.p_value < P_SUSPECT) {
         reasons.push(format!(
             "the statistics refuse the fit: J = {:.0} with {} degrees of freedom",
