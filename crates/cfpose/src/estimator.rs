@@ -25,6 +25,7 @@ mod continuous;
 mod engine;
 mod judge;
 mod level;
+mod overlap;
 mod pipeline;
 mod repair;
 mod run;

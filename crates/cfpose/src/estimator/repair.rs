@@ -150,7 +150,7 @@ impl Engine<'_> {
     }
 
     /// Return the first of the stages at the end that model the noise: what is run again with other points.
-    fn first_on_final_model(&self) -> usize {
+    pub fn first_on_final_model(&self) -> usize {
         let stages = &self.pipeline.stages;
         stages.iter().position(|stage| stage.noise != NoiseModel::None).unwrap_or(stages.len() - 1)
     }

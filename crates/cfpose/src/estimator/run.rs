@@ -12,7 +12,7 @@ use super::{Alternative, Estimate, Prepared, Start, Supervision, Verdict};
 use crate::conditioning::Conditioning;
 use crate::entry::Registry;
 use crate::error::Error;
-use crate::robust::support::Support;
+use crate::robust::support::{Sampling, Support};
 use crate::statistics::Statistics;
 
 /// p-value of J below which a fit is suspect. Smaller than a test's usual level: the models are idealised, and a false alarm
@@ -67,6 +67,8 @@ enum Step {
     Global(usize),
     /// Look for outliers, from the hypotheses so far and these thetas.
     Outliers(Vec<Vec<f64>>),
+    /// Look for a pose that explains a part of both sets.
+    Overlap,
 }
 
 /// Order what is tried by its cost: a start that fails for its own sake is cheaper to replace than outliers are to find,
@@ -87,6 +89,9 @@ fn plan(pipeline: &Pipeline, given: &[Vec<f64>]) -> Vec<Step> {
         steps.push(Step::Global(usize::MAX));
     }
     steps.push(Step::Outliers(Vec::new()));
+    if pipeline.overlap {
+        steps.push(Step::Overlap);
+    }
     steps
 }
 
@@ -104,6 +109,7 @@ impl Search {
             Step::Restarts(start, range) => engine.restarts(&start, range, supervision)?,
             Step::Global(count) => engine.global(count, supervision)?,
             Step::Outliers(starts) => return self.question(engine, &starts, supervision),
+            Step::Overlap => return self.look_for_overlap(engine, supervision),
         };
         if more.is_empty() {
             return Ok(());
@@ -115,6 +121,24 @@ impl Search {
         let closer = |support: Support| best.solved.support.is_some_and(|s| s.distance() < support.distance());
         if best.accepted || repaired.is_none_or(closer) {
             self.draft = Some(Draft::of(best));
+        }
+        Ok(())
+    }
+
+    /// Replace the draft where another pose gives more points of both sides a partner.
+    fn look_for_overlap(&mut self, engine: &mut Engine<'_>, supervision: &mut Supervision<'_>) -> Result<(), Error> {
+        let Some(draft) = &mut self.draft else { return Ok(()) };
+        if !draft.support.is_some_and(|s| s.unexplained_source.max(s.unexplained_target) > PARTIAL) {
+            return Ok(());
+        }
+        let Some(robust) = engine.by_overlap(&draft.theta, supervision)? else { return Ok(()) };
+        draft.support = Some(engine.last().support(&robust.theta)?);
+        draft.plausible = engine.is_plausible(&robust.theta);
+        draft.theta = robust.theta;
+        draft.clutter = Some(robust.clutter);
+        if let Some(statistics) = &mut draft.statistics {
+            statistics.covariance = robust.covariance;
+            statistics.noise_sigma = Some(robust.sigma);
         }
         Ok(())
     }
@@ -188,10 +212,15 @@ impl Prepared {
     /// misfit, so the gate is asked again after the refinement.
     fn refine(&self, engine: &Engine<'_>, draft: &mut Draft) -> Result<(), Error> {
         let level = engine.last();
-        let limit = engine.pipeline.refine_below * level.unit();
-        let Some(before) = draft.support.filter(|s| s.normal_sigma < NEARLY * limit && draft.outcome.usable()) else {
+        let Some(before) = draft.support.filter(|_| draft.outcome.usable() && engine.pipeline.refine_below > 0.0)
+        else {
             return Ok(());
         };
+        // Noise below half the spacing does not change who is nearest, however large it is against the shape.
+        let limit = (engine.pipeline.refine_below * level.unit()).max(0.5 * before.source_spacing);
+        if before.normal_sigma > NEARLY * limit {
+            return Ok(());
+        }
         let Some(fit) = level.refined(&draft.theta) else { return Ok(()) };
         let support = level.support(&fit.theta)?;
         // Never worse than its start; below the spacing, distances between points do not rank thetas.
@@ -203,7 +232,9 @@ impl Prepared {
         draft.support = Some(support);
         draft.refined = true;
         if let Some(statistics) = &mut draft.statistics {
-            statistics.covariance = fit.covariance;
+            // The scatter of the residuals is that of one sampling; where there are two, both move the estimate.
+            let samplings = if draft.sampling == Some(Sampling::Independent.name()) { 2.0 } else { 1.0 };
+            statistics.covariance = fit.covariance.iter().map(|v| samplings * v).collect();
             statistics.noise_sigma = Some(support.normal_sigma);
         }
         Ok(())

@@ -8,7 +8,7 @@ use super::{Mover, add_outer, invert, regions, solve_normal, symmetrise};
 use crate::neighbours::Neighbours;
 
 /// Pairs of one region share the errors of the shape there: so many form one group of the sandwich covariance.
-const GROUP: usize = 24;
+const GROUP: usize = 48;
 /// Standard deviation of the shape between its points, relative to their distance.
 const DISCRETISATION: f64 = 0.1;
 

@@ -53,8 +53,8 @@ fn normal2(c: &[[f64; 3]; 3]) -> Option<[f64; 3]> {
 
 /// Return the axis of least spread of a spatial neighbourhood, `None` for one that is no surface.
 fn normal3(c: &[[f64; 3]; 3]) -> Option<[f64; 3]> {
-    let (values, axes) = crate::linalg::symmetric_eigen3(c);
+    let (values, axis) = crate::linalg::least_axis3(c);
     // On a curve in space every direction across it is a normal: distances to points serve there.
     let surface = values[2] <= FLAT * FLAT * values[1] && values[1] > 1e-12 * values[0];
-    surface.then_some(axes[2])
+    surface.then_some(axis)
 }
