@@ -96,11 +96,12 @@ mod tests {
         let ply = |faces: &str| {
             read("a.ply", format!("ply\nformat ascii 1.0\n{PLY}0 0 0\n1 0 0\n1 1 0\n0 1 0\n{faces}").as_bytes())
         };
+        // Ten lines of header and four vertices stand before the first face.
         assert_eq!(
             ply("0 3 0 1 4\n0 3 0 1 2\n").unwrap_err(),
-            "line 16: the face names vertex number 5, of 4; write the mesh again"
+            "line 15: the face names vertex number 5, of 4; write the mesh again"
         );
-        assert!(ply("0 3 0 1 -1\n0 3 0 1 2\n").unwrap_err().starts_with("line 16: the face has the index \"-1\""));
+        assert!(ply("0 3 0 1 2\n0 3 0 1 -1\n").unwrap_err().starts_with("line 16: the face has the index \"-1\""));
         let obj = |face: &str| read("a.obj", format!("v 0 0 0\nv 1 0 0\nv 0 1 0\n{face}\n").as_bytes());
         assert!(obj("f 1 2 9").unwrap_err().starts_with("line 4: the face names vertex number 9, of 3"));
         assert!(obj("f 1 2 0").unwrap_err().starts_with("line 4: the face has the index \"0\""));

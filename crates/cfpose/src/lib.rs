@@ -6,6 +6,7 @@
 //! * [`model`]: what an author of a transformation writes; [`models`]: the table.
 //! * [`family`]: what an author of feature functions writes; [`families`]: the table.
 //! * [`means`]: the hot loop; [`problem`]: residual and Jacobian; [`estimator`]: from names to an estimate.
+//! * [`statistics`], [`weighting`], [`robust`]: how sure an estimate is, and what is done about outliers.
 //! * [`entry::Registry`]: add your own entries and use every tool with them.
 //!
 //! The library opens no file, reads no clock, starts no thread and has no global state.
@@ -66,4 +67,6 @@ mod walk_throughs {
     struct Readme;
     #[doc = include_str!("../../../docs/adding/family.md")]
     struct Family;
+    #[doc = include_str!("../../../docs/adding/weighting.md")]
+    struct Weighting;
 }
