@@ -8,7 +8,8 @@ use cfpose::robust::support::Sampling;
 use cfpose::statistics::{Randomness, feature_covariance};
 use cfpose::{BuildContext, Estimate, Execution, MomentProblem, Points, Pose, Registry, Settings, Start, estimate};
 use cfpose_optim::manifold::{Manifold, rotation_exp};
-use nalgebra::{DMatrix, DVector};
+use faer::linalg::solvers::Solve;
+use faer::{Mat, Side};
 use rand::seq::SliceRandom;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha12Rng;
@@ -71,7 +72,7 @@ impl Setup {
     }
 
     /// Return the predicted covariance, and the residuals of many draws at the true theta.
-    fn run<const D: usize>(&self, draws: usize, seed: u64) -> (DMatrix<f64>, Vec<DVector<f64>>) {
+    fn run<const D: usize>(&self, draws: usize, seed: u64) -> (Mat<f64>, Vec<Vec<f64>>) {
         let mut rng = rng(seed);
         let fixed = shape::<D>(self.num_source, &mut rng);
         let mut residuals = Vec::new();
@@ -88,11 +89,23 @@ impl Setup {
                 let randomness = Randomness { noise, kappa: self.sampling.kappa(n, m), num_target: n };
                 covariance = feature_covariance(&problem, &theta, &randomness, seed).unwrap();
             }
-            residuals.push(DVector::from_vec(problem.evaluate(&theta).residual));
+            residuals.push(problem.evaluate(&theta).residual);
         }
         let size = residuals[0].len();
-        (DMatrix::from_row_slice(size, size, &covariance), residuals)
+        (square(size, &covariance), residuals)
     }
+}
+
+fn square(size: usize, rows: &[f64]) -> Mat<f64> {
+    assert_eq!(rows.len(), size * size);
+    Mat::from_fn(size, size, |i, j| rows[i * size + j])
+}
+
+/// Return v' S^-1 v; S must be positive definite.
+fn in_units_of(covariance: &Mat<f64>, v: &[f64]) -> f64 {
+    let factor = covariance.llt(Side::Lower).expect("a positive definite covariance");
+    let solution = factor.solve(Mat::from_fn(v.len(), 1, |i, _| v[i]));
+    v.iter().enumerate().map(|(i, x)| x * solution[(i, 0)]).sum()
 }
 
 /// The residual at the truth has the predicted covariance: entry by entry, and as J = r' S^-1 r, whose mean is the number of
@@ -115,18 +128,17 @@ fn the_covariance_of_the_residual_equals_that_of_real_draws() {
         };
         let case = format!("{model}, {family}, {sampling:?}");
         let size = residuals[0].len();
-        let root = predicted.clone().cholesky().unwrap_or_else(|| panic!("{case}: S is not positive definite"));
-        let j: f64 = residuals.iter().map(|r| r.dot(&root.solve(r))).sum::<f64>() / DRAWS as f64;
+        let j: f64 = residuals.iter().map(|r| in_units_of(&predicted, r)).sum::<f64>() / DRAWS as f64;
         // The mean of J has the relative deviation sqrt(2 / (L draws)), and S is known from a sample of about 2000 points.
         let deviation = (2.0 / size as f64 * (1.0 / DRAWS as f64 + 1.0 / 1000.0)).sqrt();
         println!("{case}: J / L = {:.3} +- {deviation:.3}", j / size as f64);
         assert!((j / size as f64 - 1.0).abs() < 4.0 * deviation, "{case}: J / L = {}", j / size as f64);
-        let sample = residuals.iter().map(|r| r * r.transpose()).sum::<DMatrix<f64>>() / DRAWS as f64;
         let mut worst = 0.0_f64;
         for i in 0..size {
             for k in 0..size {
                 let scale = (predicted[(i, i)] * predicted[(k, k)]).sqrt();
-                worst = worst.max((sample[(i, k)] - predicted[(i, k)]).abs() / scale);
+                let sample = residuals.iter().map(|r| r[i] * r[k]).sum::<f64>() / DRAWS as f64;
+                worst = worst.max((sample - predicted[(i, k)]).abs() / scale);
             }
         }
         // Five standard deviations of a variance from so many draws, and of one from 1000 points.
@@ -162,11 +174,11 @@ fn solve(settings: &Settings, source: &Points, target: &Points) -> Estimate {
 }
 
 /// Return the tangent step from the estimate to the truth.
-fn step_to(truth: &[f64], theta: &[f64]) -> DVector<f64> {
+fn step_to(truth: &[f64], theta: &[f64]) -> Vec<f64> {
     let layout = cfpose::theta::Layout::pose3();
     let mut step = vec![0.0; 6];
     layout.manifold().local(theta, truth, &mut step);
-    DVector::from_vec(step)
+    step
 }
 
 /// Over many data sets J is chi-square in mean with the reported degrees of freedom, p-values are spread evenly, the noise
@@ -191,9 +203,8 @@ fn j_noise_and_covariance_are_calibrated() {
         dof += statistics.degrees_of_freedom as f64;
         low += usize::from(statistics.p_value < 0.5);
         noise += statistics.noise_sigma.unwrap() / DRAWS as f64;
-        let covariance = DMatrix::from_row_slice(6, 6, &statistics.covariance);
         let step = step_to(&truth, &estimate.theta);
-        squared += step.dot(&covariance.cholesky().unwrap().solve(&step)) / DRAWS as f64;
+        squared += in_units_of(&square(6, &statistics.covariance), &step) / DRAWS as f64;
     }
     println!("J / dof {:.3}, p < 0.5: {low}, Mahalanobis {squared:.2}, noise {noise:.4}", j / dof);
     // Four standard deviations of the mean of so many chi-square values.
@@ -215,9 +226,9 @@ fn weightings_differ_as_they_should() {
     let diagonal = whiten("diagonal[regularisation=0]").unwrap();
     assert_eq!((diagonal.matrix, diagonal.rank), (vec![0.5, 0.0, 0.0, 1.0], 2));
     let root = whiten("two-step[regularisation=0]").unwrap();
-    let root = DMatrix::from_row_slice(root.rank, 2, &root.matrix);
-    let product = root.transpose() * &root * DMatrix::from_row_slice(2, 2, &covariance);
-    assert!((product - DMatrix::identity(2, 2)).norm() < 1e-12);
+    let root = square(root.rank, &root.matrix);
+    let product = root.transpose() * &root * square(2, &covariance);
+    assert!((product - Mat::<f64>::identity(2, 2)).norm_max() < 1e-12);
 
     let names = ["identity", "diagonal", "two-step"];
     let mut squares = [0.0; 3];
@@ -234,7 +245,7 @@ fn weightings_differ_as_they_should() {
             };
             let estimate = solve(&settings, &source, &target);
             assert_eq!(estimate.statistics.is_some(), name == "two-step", "{name}");
-            *square += step_to(&truth, &estimate.theta).norm_squared();
+            *square += step_to(&truth, &estimate.theta).iter().map(|d| d * d).sum::<f64>();
         }
     }
     println!("sums of squares {squares:?}");
@@ -281,10 +292,10 @@ fn the_continuously_updated_estimate_minimises_its_own_function() {
     let problem = &prepared.problem;
     let objective = |theta: &[f64], at: &[f64]| {
         let size = problem.num_features();
-        let s = DMatrix::from_row_slice(size, size, &feature_covariance(problem, at, &randomness, given.seed).unwrap());
-        let ridge = 1e-7 * s.trace() / size as f64;
-        let r = DVector::from_vec(problem.evaluate(theta).residual);
-        r.dot(&(s + DMatrix::identity(size, size) * ridge).cholesky().unwrap().solve(&r))
+        let mut s = square(size, &feature_covariance(problem, at, &randomness, given.seed).unwrap());
+        let ridge = 1e-7 * (0..size).map(|i| s[(i, i)]).sum::<f64>() / size as f64;
+        (0..size).for_each(|i| s[(i, i)] += ridge);
+        in_units_of(&s, &problem.evaluate(theta).residual)
     };
     assert!((objective(&estimate.theta, &estimate.theta) / (2.0 * estimate.outcome.cost) - 1.0).abs() < 1e-6);
     let slope = |j: usize, frozen: bool| {
