@@ -16,7 +16,7 @@ impl Map<2, 2, 2> for Shear {
     }
 }
 
-pub static SHEAR: ModelEntry = ModelEntry {
+pub(crate) static SHEAR: ModelEntry = ModelEntry {
     name: "shear2",
     summary: "planar shear with translation",
     parameters: &[],

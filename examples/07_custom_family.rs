@@ -17,7 +17,7 @@ impl SeparableFamily for Bumps {
     }
 }
 
-pub static BUMPS: FamilyEntry = FamilyEntry {
+pub(crate) static BUMPS: FamilyEntry = FamilyEntry {
     name: "bumps",
     summary: "four Gaussian bumps on each coordinate",
     parameters: &[],

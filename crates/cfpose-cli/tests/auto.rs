@@ -131,7 +131,7 @@ fn the_pipeline_of_the_documentation_runs() {
 fn a_wrong_pipeline_file_is_refused_where_it_is_wrong() {
     let (desk, _) = noisy_pair(50, 0.0);
     let line = format!("{RIGID} --pipeline bad.toml");
-    let mut fails = |content: &str, expected: &[&str]| {
+    let fails = |content: &str, expected: &[&str]| {
         desk.write("bad.toml", content);
         let message = desk.fails(3, &line);
         assert!(expected.iter().all(|part| message.contains(part)), "{message}");

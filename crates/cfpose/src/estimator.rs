@@ -29,6 +29,7 @@ mod overlap;
 mod pipeline;
 mod repair;
 mod run;
+mod schedule;
 
 pub use engine::StageReport;
 pub use pipeline::{NoiseModel, Outliers, Pipeline, Stage};

@@ -74,7 +74,7 @@ impl Engine<'_> {
             let given = engine.given()?;
             let hypotheses = match given.is_empty() {
                 true => engine.global(usize::MAX, supervision)?,
-                false => engine.from_given(&given, supervision)?,
+                false => engine.climb_given(&given, supervision)?,
             };
             self.iterations += engine.iterations;
             let Some(hypothesis) = hypotheses.into_iter().next().filter(|h| h.plausible) else { continue };

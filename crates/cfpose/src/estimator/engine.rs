@@ -155,7 +155,7 @@ impl<'a> Engine<'a> {
     }
 
     /// Climb from each of the given starts.
-    pub fn from_given(
+    pub fn climb_given(
         &mut self,
         given: &[Vec<f64>],
         supervision: &mut Supervision<'_>,

@@ -13,6 +13,7 @@ use super::{Settings, Supervision, adapt};
 use crate::block::{LiftedPoints, Transform};
 use crate::entry::{BuildContext, Registry};
 use crate::error::Error;
+use crate::family::DynFamily;
 use crate::means::Execution;
 use crate::model::Model;
 use crate::neighbours::Neighbours;
@@ -72,6 +73,7 @@ pub(super) struct Level {
     pub mapped_target: Points,
     pub solver: Box<dyn Solver>,
     pub weighting: Box<dyn Weighting>,
+    build: Build,
     /// The target's search structure, built when it is first asked.
     target_tree: OnceLock<Neighbours>,
     execution: Execution,
@@ -80,7 +82,33 @@ pub(super) struct Level {
     counts: [usize; 2],
 }
 
+/// What a problem of the stage is made of, whatever its points.
+struct Build {
+    model: Arc<Model>,
+    family: Arc<dyn DynFamily>,
+    transform: Transform,
+    noise: Noise,
+    free: Option<Vec<usize>>,
+}
+
+impl Build {
+    fn problem(&self, source: &Points, target: &Points, execution: &Execution) -> MomentProblem {
+        let (model, family) = (Arc::clone(&self.model), Arc::clone(&self.family));
+        let problem =
+            MomentProblem::new(model, family, self.transform, source, target, execution.clone()).with_noise(self.noise);
+        match &self.free {
+            Some(free) => problem.with_model_manifold(Arc::new(crate::free::manifold(&self.model.layout, free))),
+            None => problem,
+        }
+    }
+}
+
 impl Level {
+    /// Return the problem of the stage on other points.
+    pub fn problem_on(&self, source: &Points, target: &Points) -> MomentProblem {
+        self.build.problem(source, target, &self.execution)
+    }
+
     /// Build the stage.
     pub fn new(ingredients: &Ingredients<'_>, stage: &Stage) -> Result<Self, Error> {
         let Ingredients { registry, settings, execution, .. } = *ingredients;
@@ -109,13 +137,15 @@ impl Level {
         let transform = registry.normaliser(&normaliser)?.fit(&mapped_target)?;
         let normalised = super::transform_points(&mapped_target, &transform).map_err(points_error("target"))?;
         let context = BuildContext { dim: model.dim(), target: Some(&normalised), ..context };
-        let family = Arc::from(registry.family(&stage.features, &context)?);
-        let mut problem =
-            MomentProblem::new(Arc::clone(&model), family, transform, &source, &target, execution.clone())
-                .with_noise(stage.noise.into());
-        if let Some(free) = &settings.free {
-            problem = problem.with_model_manifold(Arc::new(crate::free::manifold(&model.layout, free)));
-        }
+        let family: Arc<dyn DynFamily> = Arc::from(registry.family(&stage.features, &context)?);
+        let build = Build {
+            model: Arc::clone(&model),
+            family,
+            transform,
+            noise: stage.noise.into(),
+            free: settings.free.clone(),
+        };
+        let problem = build.problem(&source, &target, execution);
         let solver_name = match (stage.solver.as_deref().unwrap_or(&settings.solver), model.solver) {
             ("levenberg-marquardt", Some(own)) => own,
             (given, _) => given,
@@ -124,6 +154,7 @@ impl Level {
         problem.require_enough_features()?;
         Ok(Self {
             stage: stage.clone(),
+            build,
             problem,
             transform,
             mapped_target,
@@ -309,11 +340,17 @@ impl Level {
             }
             solver.solve(problem, theta, &mut control)
         };
-        let outcome = run(&self.problem, &self.adopt(start), self.solver.as_ref())?;
+        let mut theta = self.adopt(start);
+        let mut before = Vec::new();
+        if self.stage.coarse_to_fine {
+            let mut step = |problem: &MomentProblem, theta: &[f64]| run(problem, theta, self.solver.as_ref());
+            (theta, before) = self.coarse_to_fine(&theta, &mut step, seed)?;
+        }
+        let outcome = run(&self.problem, &theta, self.solver.as_ref())?;
         let mut solved = Solved {
             theta: outcome.theta.clone(),
-            evaluations: outcome.counts.residuals,
-            iterations: outcome.counts.iterations,
+            evaluations: before.iter().chain([&outcome]).map(|o| o.counts.residuals).sum(),
+            iterations: before.iter().chain([&outcome]).map(|o| o.counts.iterations).sum(),
             outcome,
             statistics: None,
             support: None,

@@ -59,6 +59,9 @@ pub struct Stage {
     /// Target points that are used at most, 0 for all.
     #[serde(default)]
     pub target_points: usize,
+    /// Begin on small random subsets of the points, larger ones as the steps become small.
+    #[serde(default)]
+    pub coarse_to_fine: bool,
     /// Give a hypothesis up after this stage when the model finds it implausible (behind the camera, back-facing).
     #[serde(default)]
     pub gate: bool,
@@ -86,6 +89,7 @@ impl Stage {
             iterations: thirty(),
             source_points: 0,
             target_points: 0,
+            coarse_to_fine: false,
             gate: false,
         }
     }

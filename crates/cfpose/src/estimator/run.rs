@@ -105,7 +105,7 @@ impl Search {
     /// Take one step.
     fn take(&mut self, engine: &mut Engine<'_>, step: Step, supervision: &mut Supervision<'_>) -> Result<(), Error> {
         let more = match step {
-            Step::Given(starts) => engine.from_given(&starts, supervision)?,
+            Step::Given(starts) => engine.climb_given(&starts, supervision)?,
             Step::Restarts(start, range) => engine.restarts(&start, range, supervision)?,
             Step::Global(count) => engine.global(count, supervision)?,
             Step::Outliers(starts) => return self.question(engine, &starts, supervision),

@@ -1,0 +1,82 @@
+//! Coarse to fine: small random subsets first, all points last.
+//!
+//! Far from the solution a step is worth no more than a rough direction, and a subset gives it at a fraction of the cost.
+//! The next subset is so large that the sampling error of its solution lies below the step that was just taken.
+
+use cfpose_optim::manifold::norm;
+use cfpose_optim::problem::LeastSquares;
+use cfpose_optim::{Outcome, SolveError};
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+
+use super::level::Level;
+use crate::error::Error;
+use crate::points::thin;
+use crate::problem::MomentProblem;
+use crate::robust::invert;
+use crate::statistics::{Randomness, feature_covariance};
+
+/// Points of the first subset.
+const FIRST: usize = 256;
+/// Growth from one subset to the next.
+const GROWTH: [f64; 2] = [4.0, 64.0];
+
+/// Solves a problem from a theta.
+pub(super) type Run<'a> = dyn FnMut(&MomentProblem, &[f64]) -> Result<Outcome, SolveError> + 'a;
+
+impl Level {
+    /// Solve on growing subsets of both sides; returns theta where all points should begin, and what the subsets cost.
+    pub fn coarse_to_fine(
+        &self,
+        start: &[f64],
+        run: &mut Run<'_>,
+        seed: u64,
+    ) -> Result<(Vec<f64>, Vec<Outcome>), Error> {
+        let full = self.source.len().max(self.target.len());
+        let (mut theta, mut outcomes, mut count) = (start.to_vec(), Vec::new(), FIRST);
+        while 2 * count <= full {
+            let mut rng = ChaCha8Rng::seed_from_u64(seed ^ count as u64);
+            let source =
+                thin(&self.source, count, &mut rng).map_err(|problem| Error::Points { side: "source", problem })?;
+            let target =
+                thin(&self.target, count, &mut rng).map_err(|problem| Error::Points { side: "target", problem })?;
+            let kappa = (source.len() as f64).recip() + (target.len() as f64).recip();
+            let problem = self.problem_on(&source, &target);
+            let outcome = run(&problem, &theta)?;
+            if !outcome.usable() {
+                break;
+            }
+            let mut step = vec![0.0; problem.manifold().tangent()];
+            problem.manifold().local(&theta, &outcome.theta, &mut step);
+            theta.clone_from(&outcome.theta);
+            outcomes.push(outcome);
+            let Some(error) = sampling_error(&problem, &theta, kappa, seed) else { break };
+            // error ~ count^(-1/2): half the step needs 4 (error / step)^2 times as many points.
+            let growth = 4.0 * (error / norm(&step).max(f64::MIN_POSITIVE)).powi(2);
+            count = (count as f64 * growth.clamp(GROWTH[0], GROWTH[1])) as usize;
+        }
+        Ok((theta, outcomes))
+    }
+}
+
+/// Return the standard deviation of theta (tangent norm) that the choice of the points causes: A S A', A = (J'J)^-1 J'.
+fn sampling_error(problem: &MomentProblem, theta: &[f64], kappa: f64, seed: u64) -> Option<f64> {
+    let (residual, jacobian) = problem.unweighted(theta, true);
+    let (features, m) = (problem.num_features(), problem.manifold().tangent());
+    debug_assert!(residual.len() >= features);
+    let randomness = Randomness { noise: [[0.0; 3]; 3], kappa, num_target: 1.0 };
+    let covariance = feature_covariance(problem, theta, &randomness, seed).ok()?;
+    let normal: Vec<f64> =
+        (0..m * m).map(|at| (0..features).map(|i| jacobian[i * m + at / m] * jacobian[i * m + at % m]).sum()).collect();
+    let inverse = invert(m, &normal)?;
+    let mut variance = 0.0;
+    for j in 0..m {
+        let row: Vec<f64> =
+            (0..features).map(|i| (0..m).map(|k| inverse[j * m + k] * jacobian[i * m + k]).sum()).collect();
+        for (a, left) in row.iter().enumerate() {
+            let product: f64 = row.iter().enumerate().map(|(b, right)| covariance[a * features + b] * right).sum();
+            variance += left * product;
+        }
+    }
+    variance.is_finite().then(|| variance.max(0.0).sqrt())
+}
