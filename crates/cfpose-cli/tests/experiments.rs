@@ -72,7 +72,7 @@ fn mistakes_in_experiments_are_named() {
         refused.contains("start `pca` needs a rigid motion")
             && refused.ends_with("leave the method or the scenario out")
     );
-    replace("hermite[degree=3]", "coordinates");
+    replace("features = \"hermite[degree=3]\"", "preset = \"paper\"\nfeatures = \"coordinates\"");
     assert!(desk.fails(2, "run bad.toml").contains("3 feature function(s) cannot determine 6 unknowns"));
     replace("b_p = 0.01", "theta = \"0 0 0 0 0 -3\"");
     assert!(desk.fails(2, "run bad.toml").contains("theta puts part of the curve behind the camera"));
