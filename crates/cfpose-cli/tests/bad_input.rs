@@ -142,7 +142,7 @@ fn arguments_that_do_not_fit_together() {
     let desk = desk();
     desk.write("p.csv", "1\n2\n3\n");
     let line = format!("{RIGID} good.csv");
-    assert_snapshot!(desk.fails(2, &format!("{line} --features coordinates")), @"error: 3 feature function(s) cannot determine 6 unknowns; use a larger family or fix parameters");
+    assert_snapshot!(desk.fails(2, &format!("{line} --preset paper --features coordinates")), @"error: 3 feature function(s) cannot determine 6 unknowns; use a larger family or fix parameters");
     assert_snapshot!(desk.fails(2, &format!("{line} --camera 1,2,3")), @"error: --camera is `1,2,3`; give fx,fy,cx,cy in pixels, focal lengths above 0");
     assert_snapshot!(desk.fails(2, &format!("{line} --camera 0,1,0,0")), @"error: --camera is `0,1,0,0`; give fx,fy,cx,cy in pixels, focal lengths above 0");
     assert_snapshot!(desk.fails(2, &format!("{line} --depth 2")), @"error: --depth does not apply to model `rigid3`, whose translation is in the units of the files; leave it out");

@@ -9,7 +9,7 @@ use cfpose::Isa;
 use cfpose_lab::folder::read_records;
 use cfpose_lab::{Experiment, Lab, Progress, Record, RunOptions, Shard, merge, run, status};
 
-/// Cheap trials of both scenarios, three methods, one of them with random starts of its own and a budget.
+/// Cheap trials of both scenarios, two methods, one of them with random starts of its own and a budget.
 const TEXT: &str = r#"
     seed = 5
     trials = 3
@@ -23,8 +23,10 @@ const TEXT: &str = r#"
     b_p = 0.01
     [[method]]
     name = "paper"
+    preset = "paper"
     [[method]]
     name = "cubic, short"
+    preset = "paper"
     features = "hermite[degree=3]"
     start = "grid[count=4]"
     max_evaluations = 12
