@@ -78,11 +78,16 @@ pub fn feature_covariance(
         }
     }
     let spread = gram(&difference, 1.0);
-    let count = first.len() as f64;
-    let debias = ((count - 1.0) / (count - num_features as f64 - 2.0)).clamp(1.0, 4.0);
+    let debias = |count: usize| {
+        let count = count as f64;
+        ((count - 1.0) / (count - num_features as f64 - 2.0).max(1.0)).clamp(1.0, 4.0)
+    };
+    // Draws of the noise are independent; a point that is drawn again is the same point.
+    let (noise_debias, spread_debias) = (debias(first.len()), debias(chosen.len()));
     let entry = |i: usize, j: usize| {
         let noise = noise_term[(i, j)];
-        debias * (noise / randomness.num_target + randomness.kappa * (spread[(i, j)] - noise))
+        let sampling = randomness.kappa * spread_debias * (spread[(i, j)] - noise);
+        noise_debias * noise / randomness.num_target + sampling
     };
     Ok((0..num_features * num_features).map(|at| entry(at / num_features, at % num_features)).collect())
 }
