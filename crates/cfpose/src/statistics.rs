@@ -92,7 +92,7 @@ pub fn feature_covariance(
     Ok((0..num_features * num_features).map(|at| entry(at / num_features, at % num_features)).collect())
 }
 
-/// Choose at most half of [`MAX_SAMPLES`] points: evenly along a curve, else at random.
+/// Choose at most [`MAX_SAMPLES`] points: evenly along a curve, else at random.
 fn sample(points: &Points, rng: &mut ChaCha8Rng) -> Result<Points, PointsError> {
     crate::points::thin(points, MAX_SAMPLES, rng)
 }

@@ -111,7 +111,7 @@ fn coherence_tells_a_misplaced_shape_from_noise() {
                 let wrong = Support::of(&points(&rows, dim), &target, None);
                 println!("{dim}-D noise {sigma} {sampling:?}: {:.2} {:.2}", right.coherence, wrong.coherence);
                 // A region of a surface is wide, and its normals turn within it: less is in common than along a curve.
-                let least = if dim == 2 { 0.6 } else { 0.2 };
+                let least = if dim == 2 { 0.6 } else { 0.3 };
                 assert!(wrong.coherence > least, "{dim}-D, noise {sigma}, {sampling:?}: {}", wrong.coherence);
                 assert!(wrong.distance() > 1.2 * right.distance(), "{dim}-D, noise {sigma}, {sampling:?}");
             }

@@ -76,7 +76,7 @@ impl Engine<'_> {
                 true => engine.global(usize::MAX, supervision)?,
                 false => engine.climb_given(&given, supervision)?,
             };
-            self.iterations += engine.iterations;
+            self.absorb(0, &engine);
             let Some(hypothesis) = hypotheses.into_iter().next().filter(|h| h.plausible) else { continue };
             let score = self.last().support(&hypothesis.solved.theta)?.distance();
             let rank = (hypothesis.accepted, score);

@@ -77,6 +77,16 @@ impl<'a> Engine<'a> {
         self.ingredients.settings
     }
 
+    /// Add the work of an engine that ran the stages from `first` on, on a part of the points.
+    pub fn absorb(&mut self, first: usize, other: &Engine<'_>) {
+        self.iterations += other.iterations;
+        for (report, part) in self.reports[first..].iter_mut().zip(&other.reports) {
+            report.solves += part.solves;
+            report.evaluations += part.evaluations;
+            report.rejected += part.rejected;
+        }
+    }
+
     /// Return the last stage.
     pub fn last(&self) -> &Level {
         &self.levels[self.levels.len() - 1]

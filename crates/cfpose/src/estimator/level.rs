@@ -402,7 +402,7 @@ impl Level {
 
     /// Return where the randomness of the residual comes from at theta.
     ///
-    /// The noise is the nuisance parameter where the weighted fit so far determines it to a tenth; else, and before any
+    /// The noise is the nuisance parameter where the weighted fit so far determines it to a fifth; else, and before any
     /// weighting, it is what the distances along the normals say.
     pub fn randomness(&self, theta: &[f64], support: &Support, sampling: Sampling) -> Randomness {
         let floor = LEAST_NOISE * self.unit();

@@ -54,7 +54,10 @@ impl Engine<'_> {
     /// `None` for models without a rotation to search, and where nothing better is found.
     pub fn by_overlap(&mut self, theta: &[f64], supervision: &mut Supervision<'_>) -> Result<Option<Robust>, Error> {
         let level = self.last();
-        if !level.model.linear.as_ref().is_some_and(|group| group.kind != LinearKind::General) {
+        let rotates = level.model.linear.as_ref().is_some_and(|group| group.kind != LinearKind::General);
+        // Indices of the stage must be those of the files.
+        let whole = level.mapped_target.len() == self.ingredients.target.len();
+        if !rotates || !whole {
             return Ok(None);
         }
         let sizes = [level.all_source.len(), level.mapped_target.len()];
@@ -67,13 +70,16 @@ impl Engine<'_> {
                 best = Some((share, fit));
             }
         }
-        let Some((share, fit)) = best.filter(|(share, _)| *share > 1.02 * before) else { return Ok(None) };
+        let Some((mut share, fit)) = best.filter(|(share, _)| *share > 1.02 * before) else { return Ok(None) };
         let mut robust = Robust { theta: fit.theta, sigma: fit.rms, covariance: fit.covariance, clutter: 0.0 };
         for _ in 0..ROUNDS {
             let Some(moved) = self.on_overlap(&robust.theta, supervision)? else { break };
-            let better = self.overlap(&moved)?.share(sizes) > share;
-            let refined = if better { self.last().refined(&moved) } else { None };
-            let Some(fit) = refined else { break };
+            let Some(fit) = self.last().refined(&moved) else { break };
+            let reached = self.overlap(&fit.theta)?.share(sizes);
+            if reached <= share {
+                break;
+            }
+            share = reached;
             robust = Robust { theta: fit.theta, sigma: fit.rms, covariance: fit.covariance, clutter: 0.0 };
         }
         robust.clutter = 1.0 - self.overlap(&robust.theta)?.target.len() as f64 / sizes[1] as f64;
@@ -153,7 +159,7 @@ impl Engine<'_> {
         let pipeline = Pipeline { stages: self.pipeline.stages[first..].to_vec(), ..self.pipeline.clone() };
         let mut engine = Engine::new(ingredients, &pipeline)?;
         let hypothesis = engine.climb(0, theta, supervision)?;
-        self.iterations += engine.iterations;
+        self.absorb(first, &engine);
         Ok(hypothesis.map(|h| h.solved.theta))
     }
 }

@@ -93,10 +93,9 @@ impl Engine<'_> {
             .filter(|fit| self.is_plausible(&fit.theta))
             .max_by(|a, b| a.log_likelihood.total_cmp(&b.log_likelihood));
         let Some(best) = best else { return Ok(None) };
-        let scale = target.len() as f64 / level.mapped_target.len() as f64;
         Ok(Some(Robust {
-            // The fit saw a part of the target; the variance of all of it is smaller, and the estimate is not.
-            covariance: best.covariance.iter().map(|v| v * scale.max(1.0)).collect(),
+            // The fit saw a part of the target, and its covariance is that of the part.
+            covariance: best.covariance,
             theta: best.theta,
             sigma: best.sigma,
             clutter: best.share,
@@ -141,11 +140,7 @@ impl Engine<'_> {
         let pipeline = Pipeline { stages: self.pipeline.stages[first..].to_vec(), ..self.pipeline.clone() };
         let mut engine = Engine::new(ingredients, &pipeline)?;
         let hypothesis = engine.climb(0, &robust.theta, supervision)?;
-        self.iterations += engine.iterations;
-        for (report, other) in self.reports[first..].iter_mut().zip(&engine.reports) {
-            report.solves += other.solves;
-            report.evaluations += other.evaluations;
-        }
+        self.absorb(first, &engine);
         Ok(Repaired { robust, hypothesis, support })
     }
 

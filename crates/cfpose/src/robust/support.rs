@@ -179,7 +179,7 @@ fn coherence(asked: &[Residual], limit: f64, spacing: f64) -> f64 {
     let mut kept: Vec<&Residual> = asked.iter().filter(|r| r.length <= limit).collect();
     let total: f64 = kept.iter().map(|r| r.length * r.length).sum();
     let count = kept.len();
-    let num_regions = (count / MIN_REGION).min(MAX_REGIONS).next_power_of_two() / 2;
+    let num_regions = 1_usize << (count / MIN_REGION).clamp(1, MAX_REGIONS).ilog2();
     let floor = count as f64 * spacing * spacing;
     if num_regions < 2 || total <= floor {
         return 0.0;
