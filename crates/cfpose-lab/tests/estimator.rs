@@ -5,7 +5,7 @@
 use std::sync::Arc;
 
 use cfpose::entry::find;
-use cfpose::estimator::{Outliers, Pipeline};
+use cfpose::estimator::{Outliers, Pipeline, Stage};
 use cfpose::{Estimate, Execution, Prepared, Registry, Settings, Supervision, Verdict};
 use cfpose_lab::method::Method;
 use cfpose_lab::{Scenario, Trial, scenarios, seed};
@@ -201,4 +201,20 @@ fn an_estimator_is_data() {
     let other = case.solve_with(&Settings { pipeline: Some(last), ..settings }).estimate;
     assert!(other.theta != expected.theta && other.stages.len() == 1 && other.statistics.is_none());
     assert!(toml::from_str::<Pipeline>("restart = 3\n[[stage]]\nname = \"a\"\nfeatures = \"trig18\"\n").is_err());
+}
+
+#[test]
+fn small_subsets_first_lead_to_the_same_theta() {
+    // The same points without noise: the full set has the truth for its solution, every subset a sampling error.
+    let case = Case::new("cloud3[points=20000]", 0);
+    let stage = |coarse_to_fine| Stage { coarse_to_fine, ..Stage::new("only", "fourier[k=2]") };
+    let solve = |coarse_to_fine| {
+        let pipeline = Pipeline { global_start: Some("pca".into()), ..Pipeline::new(vec![stage(coarse_to_fine)]) };
+        case.solve_with(&Settings { pipeline: Some(pipeline), ..case.settings("auto") })
+    };
+    let (at_once, scheduled) = (solve(false), solve(true));
+    assert!(at_once.success && scheduled.success, "{:?} {:?}", at_once.error, scheduled.error);
+    assert!(scheduled.error.total() < 1e-7, "{:?}", scheduled.error);
+    // The schedule did solve on subsets: each start took more solves' worth of evaluations, all but the last of them small.
+    assert!(scheduled.estimate.evaluations > at_once.estimate.evaluations);
 }
