@@ -97,6 +97,16 @@ impl Neighbours {
         }
     }
 
+    /// Return the median distance of a point to its nearest other point; of many points 500 are asked.
+    pub fn spacing(&self) -> f64 {
+        let step = self.rows.len().div_ceil(500);
+        // The nearest is the point itself, or its double.
+        let of = |p: &[f64; 3]| self.nearest_n(p, 2).get(1).map_or(0.0, |n| n.squared.sqrt());
+        let mut all: Vec<f64> = self.rows.iter().step_by(step).map(of).collect();
+        all.sort_by(f64::total_cmp);
+        all[all.len() / 2]
+    }
+
     fn squared(&self, a: &[f64; 3], b: &[f64; 3]) -> f64 {
         (0..self.dim).map(|d| (a[d] - b[d]).powi(2)).sum()
     }

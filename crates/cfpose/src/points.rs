@@ -220,6 +220,11 @@ impl Points {
         point
     }
 
+    /// Return all points as rows, missing coordinates as 0.
+    pub(crate) fn rows(&self) -> Vec<[f64; 3]> {
+        (0..self.len).map(|k| self.point(k)).collect()
+    }
+
     /// Return the number of points with padding, a multiple of [`BLOCK`].
     pub fn padded_len(&self) -> usize {
         self.weights.len()

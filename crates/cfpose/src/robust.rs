@@ -152,14 +152,9 @@ pub(crate) fn invert(n: usize, h: &[f64]) -> Option<Vec<f64>> {
     Some(out)
 }
 
-/// Return the median distance between neighbours, of a few hundred points.
+/// Return the median distance between mapped points.
 pub(crate) fn spacing(mapped: &Mapped) -> f64 {
-    let tree = Neighbours::new(mapped.x.clone(), mapped.dim);
-    let step = mapped.x.len().div_ceil(300);
-    let of = |p: &[f64; 3]| tree.nearest_n(p, 2).get(1).map_or(0.0, |n| n.squared.sqrt());
-    let mut all: Vec<f64> = mapped.x.iter().step_by(step).map(of).collect();
-    all.sort_by(f64::total_cmp);
-    all[all.len() / 2]
+    Neighbours::new(mapped.x.clone(), mapped.dim).spacing()
 }
 
 /// Split by medians along the widest coordinate, `depth` times, and visit the groups.

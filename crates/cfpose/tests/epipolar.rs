@@ -5,6 +5,7 @@ use cfpose::{BuildContext, Execution, Points, Pose, PoseError, Prepared, Registr
 use rand::seq::SliceRandom;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha12Rng;
+use rand_distr::{Distribution, StandardNormal};
 
 struct Trial {
     source: Points,
@@ -87,4 +88,55 @@ fn the_manifold_is_no_worse_than_penalty_and_constraints() {
         let other = run(model, solver);
         assert!(other <= manifold + 2, "{model} with {solver}: {other} against {manifold}");
     }
+}
+
+/// Count trials of `epipolar` that return the truth, or list it where depth cannot decide the sign of T.
+fn epipolar_successes(features: &str, trials: u64) -> usize {
+    let registry = Registry::default();
+    let model = registry.model("epipolar", &BuildContext::default()).unwrap();
+    let mut found = 0;
+    for seed in 0..trials {
+        let mut rng = ChaCha12Rng::seed_from_u64(1000 + seed);
+        let mut uniform = |low: f64, high: f64| low + (high - low) * rng.random::<f64>();
+        let angles: [f64; 3] = std::array::from_fn(|_| uniform(-0.3, 0.3));
+        let list = [angles[0], angles[1], angles[2], uniform(-1.0, 1.0), uniform(-1.0, 1.0), uniform(-0.5, 0.5)];
+        let truth = model.layout.from_list(&list, RotationForm::Vector).unwrap();
+        let pose = Pose::of_theta(&model.layout, &truth).unwrap();
+        let (mut p, mut q) = (Vec::new(), Vec::new());
+        while p.len() < 400 {
+            let z = uniform(2.0, 6.0);
+            let scene = [uniform(-0.6, 0.6) * z, uniform(-0.6, 0.6) * z, z];
+            let other = pose.apply(scene);
+            if other[2] > 0.2 {
+                p.push([scene[0] / z, scene[1] / z]);
+                q.push([other[0] / other[2], other[1] / other[2]]);
+            }
+        }
+        q.shuffle(&mut rng);
+        // b = 0.1 on the rotation vector and on unit T, which is normalised again.
+        let mut start = model.layout.to_list(&truth, RotationForm::Vector);
+        start.iter_mut().for_each(|value| *value += 0.1 * Distribution::<f64>::sample(&StandardNormal, &mut rng));
+        let start = model.layout.from_list(&start, RotationForm::Vector).unwrap();
+        let settings = Settings {
+            features: features.into(),
+            start: Start::Given(vec![start]),
+            ..Settings::preset("paper", "epipolar").unwrap()
+        };
+        let (p, q) = (Points::from_rows(&p).unwrap(), Points::from_rows(&q).unwrap());
+        let prepared = Prepared::new(&registry, &settings, &p, &q, &Execution::default()).unwrap();
+        let estimate = prepared.solve(&registry, Supervision::default()).unwrap();
+        let error = |theta: &[f64]| PoseError::between(&Pose::of_theta(&model.layout, theta).unwrap(), &pose).total();
+        // Positive depth decides the sign of T, or the other sign is listed.
+        let listed = estimate.alternatives.iter().map(|alternative| error(&alternative.theta));
+        let nearest = listed.fold(error(&estimate.theta), f64::min);
+        found += usize::from(nearest < 1e-5);
+    }
+    found
+}
+
+#[test]
+fn epipolar_with_many_angular_harmonics_converges_from_a_tenth() {
+    let found = epipolar_successes("angular[harmonics=32]", 100);
+    println!("epipolar, 32 angular harmonics, b = 0.1: {found} of 100");
+    assert!(found >= 90, "{found} of 100"); // 95 were found
 }

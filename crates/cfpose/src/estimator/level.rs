@@ -276,16 +276,13 @@ impl Level {
                 self.problem.mapped_target(theta).map_err(|problem| Error::Points { side: "target", problem })?;
             return Ok(Support::of(&source, &target, self.noise_sigma(theta)));
         }
-        let tree = self.target_tree.get_or_init(|| {
-            let rows = (0..self.mapped_target.len()).map(|k| self.mapped_target.point(k)).collect();
-            Neighbours::new(rows, self.model.dim())
-        });
+        let tree = self.target_tree.get_or_init(|| Neighbours::new(self.mapped_target.rows(), self.model.dim()));
         Ok(Support::against(&source, tree, self.noise_sigma(theta)))
     }
 
     /// Refine theta by trimmed closest points: some points until it stands, then all.
     pub fn refined(&self, theta: &[f64]) -> Option<ClosestPoint> {
-        let (mover, all) = (Mover::new(&self.problem, &self.all_source), self.mapped_rows());
+        let (mover, all) = (Mover::new(&self.problem, &self.all_source), self.mapped_target.rows());
         let step = all.len().div_ceil(REFINE_POINTS);
         let some: Vec<[f64; 3]> = all.iter().step_by(step).copied().collect();
         let options = closest_point::Options { tolerance: 1e-8, ..Default::default() };
@@ -297,11 +294,6 @@ impl Level {
         closest_point::refine(&mover, &all, &first.theta, &options)
     }
 
-    /// Return the target points in the feature space.
-    fn mapped_rows(&self) -> Vec<[f64; 3]> {
-        (0..self.mapped_target.len()).map(|k| self.mapped_target.point(k)).collect()
-    }
-
     /// Compare the points at theta, or, where its misfit may hide the sampling, at a theta that is refined a little.
     fn near_support(&self, theta: &[f64]) -> Result<Support, Error> {
         let support = self.support(theta)?;
@@ -309,7 +301,7 @@ impl Level {
         {
             return Ok(support);
         }
-        let all = self.mapped_rows();
+        let all = self.mapped_target.rows();
         let some: Vec<[f64; 3]> = all.iter().step_by(all.len().div_ceil(REFINE_POINTS)).copied().collect();
         let options = closest_point::Options { tolerance: 1e-3, max_iterations: 6, ..Default::default() };
         match closest_point::refine(&Mover::new(&self.problem, &self.all_source), &some, theta, &options) {

@@ -15,7 +15,7 @@ use super::repair::Robust;
 use crate::error::Error;
 use crate::model::LinearKind;
 use crate::neighbours::Neighbours;
-use crate::points::{Points, thin};
+use crate::points::thin;
 use crate::robust::closest_point::{self, ClosestPoint};
 use crate::robust::{Mover, spacing};
 use crate::start::StartContext;
@@ -30,10 +30,6 @@ const FINALISTS: usize = 6;
 const REACH: f64 = 1.5;
 /// Rounds of weights and re-estimation.
 const ROUNDS: usize = 2;
-
-fn rows(points: &Points) -> Vec<[f64; 3]> {
-    (0..points.len()).map(|k| points.point(k)).collect()
-}
 
 /// Which points of both sides have a partner.
 struct Overlap {
@@ -104,7 +100,7 @@ impl Engine<'_> {
             .map_err(|problem| Error::Points { side: "source", problem })?;
         let target = thin(&level.mapped_target, COARSE[1], &mut rng)
             .map_err(|problem| Error::Points { side: "target", problem })?;
-        let (mover, target) = (Mover::new(&level.problem, &source), rows(&target));
+        let (mover, target) = (Mover::new(&level.problem, &source), target.rows());
         let options = closest_point::Options {
             max_iterations: 10,
             cut: 5.0,
@@ -134,8 +130,8 @@ impl Engine<'_> {
     /// Return the points of both sides that have a partner at theta.
     fn overlap(&self, theta: &[f64]) -> Result<Overlap, Error> {
         let level = self.last();
-        let source = rows(&level.mapped_source(theta)?);
-        let target = rows(&level.mapped_target);
+        let source = level.mapped_source(theta)?.rows();
+        let target = level.mapped_target.rows();
         let dim = level.model.dim();
         let mapped = Mover::new(&level.problem, &level.all_source).map(theta, false);
         let reach = (REACH * spacing(&mapped)).powi(2);

@@ -43,10 +43,6 @@ pub(super) struct Repaired {
     pub support: Support,
 }
 
-fn rows(points: &Points) -> Vec<[f64; 3]> {
-    (0..points.len()).map(|k| points.point(k)).collect()
-}
-
 impl Engine<'_> {
     /// Look for outliers: robust fits from several thetas, rejection, the last stages again.
     pub fn repair(
@@ -80,7 +76,7 @@ impl Engine<'_> {
             .map_err(|problem| Error::Points { side: "source", problem })?;
         let target = thin(&level.mapped_target, num_target, &mut rng)
             .map_err(|problem| Error::Points { side: "target", problem })?;
-        Ok((source, rows(&target)))
+        Ok((source, target.rows()))
     }
 
     fn by_mixture(&self, candidates: &[Vec<f64>]) -> Result<Option<Robust>, Error> {
@@ -123,7 +119,7 @@ impl Engine<'_> {
         let level = self.last();
         let support = level.support(&robust.theta)?;
         let mapped = level.mapped_source(&robust.theta)?;
-        let tree = Neighbours::new(rows(&mapped), mapped.dim());
+        let tree = Neighbours::new(mapped.rows(), mapped.dim());
         let limit = REJECT * robust.sigma.max(3.0 * LEAST_NOISE * level.unit()).max(support.source_spacing);
         let near = |k: &usize| tree.nearest(&level.mapped_target.point(*k)).squared <= limit * limit;
         // The last stage sees all target points, so its indices are those of the file.

@@ -58,15 +58,15 @@ impl Support {
     /// assert_eq!(Support::of(&p, &p, None).unexplained_source, 0.0);
     /// ```
     pub fn of(source: &Points, target: &Points, noise_sigma: Option<f64>) -> Self {
-        Self::against(source, &Neighbours::new(rows(target), target.dim()), noise_sigma)
+        Self::against(source, &Neighbours::new(target.rows(), target.dim()), noise_sigma)
     }
 
     /// Compare as [`Support::of`] with a target whose search structure stands already.
     pub(crate) fn against(source: &Points, on_target: &Neighbours, noise_sigma: Option<f64>) -> Self {
-        let on_source = Neighbours::new(rows(source), on_target.dim());
+        let on_source = Neighbours::new(source.rows(), on_target.dim());
         let asked_target = residuals(on_target.rows(), &on_source, MAX_QUERIES);
         let asked_source = residuals(on_source.rows(), on_target, MAX_QUERIES);
-        let (source_spacing, target_spacing) = (spacing(&on_source), spacing(on_target));
+        let (source_spacing, target_spacing) = (on_source.spacing(), on_target.spacing());
         let lengths = |asked: &[Residual]| {
             let mut lengths: Vec<f64> = asked.iter().map(|r| r.length).collect();
             lengths.sort_by(f64::total_cmp);
@@ -108,10 +108,6 @@ struct Residual {
     length: f64,
 }
 
-fn rows(points: &Points) -> Vec<[f64; 3]> {
-    (0..points.len()).map(|k| points.point(k)).collect()
-}
-
 /// Ask evenly spaced points for their nearest neighbours.
 fn residuals(points: &[[f64; 3]], tree: &Neighbours, limit: usize) -> Vec<Residual> {
     let step = points.len().div_ceil(limit);
@@ -149,16 +145,6 @@ fn mutual(asked: &[Residual], on_target: &Neighbours) -> f64 {
     let chosen: Vec<&Residual> = asked.iter().step_by(step).collect();
     let back = |r: &&&Residual| on_target.rows()[on_target.nearest(&r.foot).index] == r.point;
     chosen.iter().filter(back).count() as f64 / chosen.len() as f64
-}
-
-/// Return the median distance between neighbours.
-fn spacing(tree: &Neighbours) -> f64 {
-    let step = tree.rows().len().div_ceil(500);
-    // The nearest is the point itself, or its double.
-    let of = |p: &[f64; 3]| tree.nearest_n(p, 2).get(1).map_or(0.0, |n| n.squared.sqrt());
-    let mut all: Vec<f64> = tree.rows().iter().step_by(step).map(of).collect();
-    all.sort_by(f64::total_cmp);
-    all[all.len() / 2]
 }
 
 /// Return the length below which nine of ten residuals lie.
