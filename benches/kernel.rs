@@ -13,7 +13,7 @@ use std::time::{Duration, Instant};
 
 use cfpose::check::Sample;
 use cfpose::problem::MomentProblem;
-use cfpose::{Execution, Isa, Points, Prepared, Registry, Settings, Start, Supervision};
+use cfpose::{Estimator, Execution, Isa, Points, Registry, Settings, Start, Supervision};
 use cfpose_optim::problem::LeastSquares;
 
 #[path = "../examples/07_custom_family.rs"]
@@ -239,16 +239,16 @@ fn thousand_starts() -> Result<(), Failure> {
     let moved = |p: &[f64; 3]| [cos * p[0] - sin * p[1] + 5.0, sin * p[0] + cos * p[1] - 3.0, p[2] + 1.0];
     let target: Vec<[f64; 3]> = source.iter().rev().map(moved).collect();
     let settings = Settings {
-        features: "hermite[degree=4]".into(),
-        start: Start::Named("grid[count=1000,keep=1000]".into()),
+        features: Some("hermite[degree=4]".into()),
+        start: Some(Start::Named("grid[count=1000,keep=1000]".into())),
         ..Settings::preset("paper", "rigid3")?
     };
     let (source, target) = (Points::from_rows(&source)?, Points::from_rows(&target)?);
     let begun = Instant::now();
-    let prepared = Prepared::new(&registry, &settings, &source, &target, &Execution::default())?;
+    let estimator = Estimator::new(&registry, &settings, &source, &target, &Execution::default())?;
     let pass = begun.elapsed();
     let begun = Instant::now();
-    let estimate = prepared.solve(&registry, Supervision::default())?;
+    let estimate = estimator.solve(Supervision::default())?;
     println!(
         "\nrigid3 x hermite[degree=4], a million points: {} starts, {} evaluations in {:.3} s after one pass of {:.3} s",
         estimate.starts,

@@ -4,7 +4,7 @@
 use std::hint::black_box;
 
 use cfpose::entry::Registry;
-use cfpose::{Execution, Prepared, Settings, Start, Supervision};
+use cfpose::{Estimator, Execution, Settings, Start, Supervision};
 use criterion::Criterion;
 
 /// Solvers that need minutes here; `experiments/solvers.toml` compares them with a budget.
@@ -12,18 +12,19 @@ const SLOW: [&str; 5] =
     ["newton-trust-region", "particle-swarm", "simulated-annealing", "multi-start", "basin-hopping"];
 
 /// The paper's simulation: heart, b_p = 0.01, and a start from b_i = 0.1.
-fn problem(registry: &Registry, solver: &str) -> Prepared {
+fn problem(registry: &Registry, solver: &str) -> Estimator {
     let text = "planar-curve[curve=heart,scale=0.45,theta=B,b_i=0.1,b_p=0.01]";
     let (entry, parameters) =
         cfpose::entry::find("scenario", cfpose_lab::scenarios::ALL, text).expect("the scenario is in the table");
     let scenario = (entry.build)(&parameters).expect("its parameters are right");
     let trial = scenario.trial(&mut cfpose_lab::seed::data_stream(1, 1)).expect("a trial can be drawn");
     let settings = Settings {
-        solver: solver.to_string(),
-        start: Start::Given(trial.start.clone().into_iter().collect()),
+        solver: Some(solver.to_string()),
+        start: Some(Start::Given(trial.start.clone().into_iter().collect())),
         ..Settings::preset("paper", scenario.model()).expect("the preset exists")
     };
-    Prepared::new(registry, &settings, &trial.source, &trial.target, &Execution::default()).expect("the trial is valid")
+    Estimator::new(registry, &settings, &trial.source, &trial.target, &Execution::default())
+        .expect("the trial is valid")
 }
 
 fn main() {
@@ -34,8 +35,8 @@ fn main() {
         if SLOW.contains(&entry.name) {
             continue;
         }
-        let prepared = problem(&registry, entry.name);
-        match prepared.solve(&registry, Supervision::default()) {
+        let estimator = problem(&registry, entry.name);
+        match estimator.solve(Supervision::default()) {
             Ok(estimate) => {
                 let status = estimate.outcome.status.name();
                 println!(
@@ -46,7 +47,7 @@ fn main() {
             Err(error) => println!("{:<24} {error}", entry.name),
         }
         criterion.bench_function(entry.name, |bencher| {
-            bencher.iter(|| black_box(prepared.solve(&registry, Supervision::default())));
+            bencher.iter(|| black_box(estimator.solve(Supervision::default())));
         });
     }
     criterion.final_summary();

@@ -1,6 +1,6 @@
 //! A rigid motion of a 3-D cloud in any orientation, from principal axes.
 use cfpose::theta::rotation_of_euler;
-use cfpose::{Execution, Points, Pose, PoseError, Prepared, Registry, Settings, Start, Supervision};
+use cfpose::{Estimator, Execution, Points, Pose, PoseError, Registry, Settings, Start, Supervision};
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     // A bent strip with a bump, in golden-ratio order; the target is the moved strip from its last point to its first.
@@ -14,14 +14,14 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let moved: Vec<[f64; 3]> = strip.iter().rev().map(|p| truth.apply(*p)).collect();
     let registry = Registry::default();
     let settings = Settings {
-        features: "hermite[degree=3]".into(),
-        start: Start::Named("pca".into()),
+        features: Some("hermite[degree=3]".into()),
+        start: Some(Start::Named("pca".into())),
         ..Settings::preset("paper", "rigid3")?
     };
     let (source, target) = (Points::from_rows(&strip)?, Points::from_rows(&moved)?);
-    let prepared = Prepared::new(&registry, &settings, &source, &target, &Execution::default())?;
-    let estimate = prepared.solve(&registry, Supervision::default())?;
-    let pose = Pose::of_theta(&prepared.model.layout, &estimate.theta).ok_or("no pose")?;
+    let estimator = Estimator::new(&registry, &settings, &source, &target, &Execution::default())?;
+    let estimate = estimator.solve(Supervision::default())?;
+    let pose = Pose::of_theta(&estimator.model().layout, &estimate.theta).ok_or("no pose")?;
     let error = PoseError::between(&pose, &truth);
     println!(
         "{} starts, {} evaluations, {:.1e} degrees off",

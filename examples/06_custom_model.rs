@@ -30,7 +30,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     registry.models.push(&SHEAR);
     let p: Vec<[f64; 2]> = (0..500).map(|k| [f64::from(k) / 250.0, (f64::from(k) * 0.618).fract().powi(2)]).collect();
     let q: Vec<[f64; 2]> = p.iter().rev().map(|p| [p[0] + 0.3 * p[1] + 1.0, p[1] - 0.2 * p[0] - 2.0]).collect();
-    let settings = Settings { features: "hermite".into(), ..Settings::preset("paper", "shear2")? };
+    let settings = Settings { features: Some("hermite".into()), ..Settings::preset("paper", "shear2")? };
     let (p, q) = (Points::from_rows(&p)?, Points::from_rows(&q)?);
     let theta = estimate(&registry, &settings, &p, &q, &Execution::default())?.theta;
     println!("shear and translation: {theta:.9?}");

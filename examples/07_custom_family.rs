@@ -31,7 +31,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     registry.families.push(&BUMPS);
     let p: Vec<[f64; 1]> = (0..500).map(|k| [(f64::from(k) / 500.0).powi(2)]).collect();
     let q: Vec<[f64; 1]> = p.iter().rev().map(|p| [1.3 * p[0]]).collect();
-    let settings = Settings { features: "bumps".into(), ..Settings::preset("paper", "gain1")? };
+    let settings = Settings { features: Some("bumps".into()), ..Settings::preset("paper", "gain1")? };
     let (p, q) = (Points::from_rows(&p)?, Points::from_rows(&q)?);
     let theta = estimate(&registry, &settings, &p, &q, &Execution::default())?.theta;
     assert!((theta[0] - 1.3).abs() < 1e-9, "{theta:?}");

@@ -71,21 +71,14 @@ impl Method {
     /// [`cfpose::Error`] for an unknown preset.
     pub fn settings(&self, model: &str, start: Option<&[f64]>, seed: u64) -> Result<Settings, cfpose::Error> {
         let mut settings = Settings::preset(&self.preset, self.model.as_deref().unwrap_or(model))?;
-        let replace = |part: &mut String, given: &Option<String>| {
-            if let Some(given) = given {
-                part.clone_from(given);
-            }
-        };
-        replace(&mut settings.features, &self.features);
-        replace(&mut settings.weighting, &self.weighting);
-        replace(&mut settings.solver, &self.solver);
-        if self.normalise.is_some() {
-            settings.normaliser.clone_from(&self.normalise);
-        }
+        settings.features.clone_from(&self.features);
+        settings.weighting.clone_from(&self.weighting);
+        settings.solver.clone_from(&self.solver);
+        settings.normaliser.clone_from(&self.normalise);
         match (self.start.as_str(), start) {
-            (SCENARIO_START, Some(start)) => settings.start = Start::Given(vec![start.to_vec()]),
+            (SCENARIO_START, Some(start)) => settings.start = Some(Start::Given(vec![start.to_vec()])),
             (SCENARIO_START, None) | (PRESET_START, _) => {}
-            (name, _) => settings.start = Start::Named(name.to_string()),
+            (name, _) => settings.start = Some(Start::Named(name.to_string())),
         }
         settings.seed = seed;
         if let Some(budget) = self.max_evaluations {
@@ -118,13 +111,15 @@ impl Method {
             )));
         }
         // Families may depend on the data, so only name and parameters are checked here.
-        if settings.features != PRESET_START {
-            find("family", &registry.families, &settings.features).map_err(build)?;
+        if let Some(features) = &settings.features {
+            find("family", &registry.families, features).map_err(build)?;
         }
-        if settings.weighting != PRESET_START {
-            registry.weighting(&settings.weighting)?;
+        if let Some(weighting) = &settings.weighting {
+            registry.weighting(weighting)?;
         }
-        registry.solver(&settings.solver)?;
+        if let Some(solver) = &settings.solver {
+            registry.solver(solver)?;
+        }
         if let Some(normaliser) = &settings.normaliser {
             registry.normaliser(normaliser)?;
         }

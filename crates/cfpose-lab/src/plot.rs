@@ -1,6 +1,6 @@
 //! Figures as SVG text: point sets before and after an estimate.
 
-use cfpose::{Points, PointsError, Prepared};
+use cfpose::{Estimator, Points};
 use plotters::prelude::*;
 
 use crate::error::LabError;
@@ -46,11 +46,11 @@ pub fn seen_from_above(points: &Points) -> Vec<[f64; 2]> {
 ///
 /// # Errors
 /// [`PointsError`] when a mapped point is not finite.
-pub fn panels(prepared: &Prepared, thetas: &[(&str, &[f64])]) -> Result<Vec<Panel>, PointsError> {
-    let projects = !prepared.model.source.factored().is_some_and(|facts| facts.identity_projection);
+pub fn panels(estimator: &Estimator, thetas: &[(&str, &[f64])]) -> Result<Vec<Panel>, cfpose::Error> {
+    let projects = !estimator.model().source.factored().is_some_and(|facts| facts.identity_projection);
     let flat = if projects { image_coordinates } else { seen_from_above };
     let panel = |(title, theta): &(&str, &[f64])| {
-        let (moved, target) = (prepared.problem.mapped_source(theta)?, prepared.problem.mapped_target(theta)?);
+        let (moved, target) = estimator.mapped(theta)?;
         Ok(Panel { title: (*title).to_string(), moved: flat(&moved), target: flat(&target) })
     };
     thetas.iter().map(panel).collect()

@@ -4,7 +4,7 @@ use std::sync::atomic::AtomicBool;
 use std::time::{Duration, Instant};
 
 use cfpose::theta::RotationForm;
-use cfpose::{BuildContext, Estimate, Execution, Prepared, Supervision};
+use cfpose::{BuildContext, Estimate, Estimator, Execution, Supervision};
 use cfpose_optim::Manifold;
 use serde_json::Map;
 
@@ -63,12 +63,12 @@ impl Bench<'_> {
         trial: &Trial,
         planned: &PlannedTrial,
         method: &Method,
-    ) -> Result<Prepared, cfpose::Error> {
+    ) -> Result<Estimator, cfpose::Error> {
         let seed = method_seed(self.experiment.seed, planned.key);
         let settings = method.settings(scenario.model(), trial.start.as_deref(), seed)?;
-        let prepared = Prepared::new(&self.lab.registry, &settings, &trial.source, &trial.target, &self.execution)?;
-        prepared.problem.require_enough_features()?;
-        Ok(prepared)
+        let estimator = Estimator::new(&self.lab.registry, &settings, &trial.source, &trial.target, &self.execution)?;
+        estimator.problem().require_enough_features()?;
+        Ok(estimator)
     }
 
     /// Make the record of a trial that has no estimate.
@@ -117,9 +117,9 @@ impl Bench<'_> {
         method: &Method,
         record: &mut Record,
     ) {
-        let solved = self.prepare(scenario, trial, planned, method).and_then(|prepared| {
+        let solved = self.prepare(scenario, trial, planned, method).and_then(|estimator| {
             let deadline = self.experiment.deadline_secs.map(Duration::from_secs_f64);
-            prepared.solve(&self.lab.registry, Supervision { cancel: self.cancel, deadline, observer: None })
+            estimator.solve(Supervision { cancel: self.cancel, deadline, observer: None })
         });
         match solved {
             Ok(estimate) => self.score(scenario, trial, &estimate, record),

@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use cfpose::entry::find;
 use cfpose::estimator::{Outliers, Pipeline, Stage};
-use cfpose::{Estimate, Execution, Prepared, Registry, Settings, Supervision, Verdict};
+use cfpose::{Estimate, Estimator, Execution, Registry, Settings, Supervision, Verdict};
 use cfpose_lab::method::Method;
 use cfpose_lab::{Scenario, Trial, scenarios, seed};
 
@@ -37,14 +37,14 @@ impl Case {
         Method::of_preset(preset).settings(self.scenario.model(), start, self.number).unwrap()
     }
 
-    fn prepare(&self, settings: &Settings, execution: &Execution) -> Prepared {
-        Prepared::new(&Registry::default(), settings, &self.trial.source, &self.trial.target, execution).unwrap()
+    fn prepare(&self, settings: &Settings, execution: &Execution) -> Estimator {
+        Estimator::new(&Registry::default(), settings, &self.trial.source, &self.trial.target, execution).unwrap()
     }
 
     fn solve_with(&self, settings: &Settings) -> Found {
-        let prepared = self.prepare(settings, &Execution::default());
-        let estimate = prepared.solve(&Registry::default(), Supervision::default()).unwrap();
-        let error = self.scenario.error(&prepared.model.layout, &estimate.theta, &self.trial.truth).unwrap();
+        let estimator = self.prepare(settings, &Execution::default());
+        let estimate = estimator.solve(Supervision::default()).unwrap();
+        let error = self.scenario.error(&estimator.model().layout, &estimate.theta, &self.trial.truth).unwrap();
         let success = estimate.usable() && self.trial.success.holds(&error);
         Found { estimate, error, success }
     }
@@ -82,7 +82,7 @@ fn a_blob_of_outliers_is_found_by_the_mixture_and_by_leaving_clusters_out() {
     let paper = case.solve("paper");
     assert!(!paper.success, "{:?}", paper.error);
     let mut ransac = case.settings("auto");
-    let mut pipeline = case.prepare(&ransac, &Execution::default()).pipeline().unwrap().clone();
+    let mut pipeline = case.prepare(&ransac, &Execution::default()).pipeline().clone();
     assert_eq!(pipeline.outliers, Outliers::Mixture);
     pipeline.outliers = Outliers::Ransac;
     pipeline.restarts = 1;
@@ -167,7 +167,7 @@ fn a_seed_gives_the_same_bits_on_any_number_of_threads() {
     let bits = |threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         let execution = Execution { pool: Some(Arc::new(pool)), ..Execution::default() };
-        let estimate = case.prepare(&settings, &execution).solve(&Registry::default(), Supervision::default()).unwrap();
+        let estimate = case.prepare(&settings, &execution).solve(Supervision::default()).unwrap();
         let statistics = estimate.statistics.unwrap();
         let numbers = estimate.theta.iter().chain(&statistics.covariance).chain([&statistics.j_statistic]);
         (numbers.map(|v| v.to_bits()).collect::<Vec<_>>(), estimate.evaluations, estimate.stages)
@@ -181,18 +181,13 @@ fn a_seed_gives_the_same_bits_on_any_number_of_threads() {
 fn an_estimator_is_data() {
     let case = Case::new("planar-curve[b_p=0.02]", 4);
     let settings = case.settings("auto");
-    let pipeline = case.prepare(&settings, &Execution::default()).pipeline().unwrap().clone();
+    let pipeline = case.prepare(&settings, &Execution::default()).pipeline().clone();
     let text = toml::to_string(&pipeline).unwrap();
     let read: Pipeline = toml::from_str(&text).unwrap();
     assert_eq!(read, pipeline, "{text}");
     let expected = case.solve_with(&settings).estimate;
     // Given in words beside the other preset it is the same estimator.
-    let written = Settings {
-        pipeline: Some(read),
-        features: "auto".to_string(),
-        weighting: "auto".to_string(),
-        ..case.settings("paper")
-    };
+    let written = Settings { pipeline: Some(read), ..case.settings("paper") };
     let estimate = case.solve_with(&written).estimate;
     assert_eq!(estimate.theta, expected.theta);
     assert_eq!((estimate.stages, estimate.verdict), (expected.stages, expected.verdict));

@@ -12,12 +12,11 @@ use rand_chacha::ChaCha12Rng;
 use crate::block::Transform;
 use crate::entry::{BuildContext, Registry};
 use crate::error::Error;
-use crate::estimator::{adapt, transform_points};
 use crate::isa::Isa;
 use crate::means::Execution;
 use crate::model::{Model, PointKind};
 use crate::points::Points;
-use crate::problem::{MomentProblem, map_points};
+use crate::problem::{MomentProblem, adapt, map_points, transformed};
 
 /// Random points and a random theta on which a model can be checked.
 pub struct Sample {
@@ -74,7 +73,7 @@ impl Sample {
     /// [`Error`] when the model cannot be built, takes points of another dimension or maps one to infinity.
     pub fn on(registry: &Registry, model: &str, points: &Points, spread: f64, seed: u64) -> Result<Self, Error> {
         let drawn = Self::draw(registry, model, 2, spread, seed)?;
-        let source = adapt("source", model, drawn.model.source_points, points)?;
+        let source = adapt("source", model, drawn.model.source_points, &Arc::new(points.clone()))?.as_ref().clone();
         let execution = Execution::default();
         let place = |problem| Error::Points { side: "source", problem };
         let lifted = drawn.model.source.lift(&source);
@@ -100,7 +99,7 @@ impl Sample {
         let mapped = map_points(self.model.target.map(), &lifted, &self.theta, execution)
             .map_err(|problem| Error::Points { side: "target", problem })?;
         let normalised =
-            transform_points(&mapped, &self.transform).map_err(|problem| Error::Points { side: "target", problem })?;
+            transformed(&mapped, &self.transform).map_err(|problem| Error::Points { side: "target", problem })?;
         let context = BuildContext { dim: self.model.dim(), target: Some(&normalised), ..BuildContext::default() };
         let family = match registry.family(family, &context) {
             Err(Error::Build(crate::entry::BuildError::Data { .. })) => return Ok(None),

@@ -54,6 +54,7 @@ pub enum BuildError {
 /// let error = registry.model("rigid33", &BuildContext::default()).err().unwrap();
 /// assert!(error.to_string().contains("did you mean rigid3"));
 /// ```
+#[derive(Clone)]
 pub struct Registry {
     /// Transformation models.
     pub models: Vec<&'static ModelEntry>,

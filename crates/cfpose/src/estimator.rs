@@ -1,250 +1,51 @@
-//! From two point sets to an estimate: build the parts by name, normalise, choose starts, solve, read off.
+//! From two point sets to an estimate: parts by name, stages made ready once, starts, solves, and how sure one may be.
 
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
-use cfpose_optim::{Control, LeastSquares, Observer, Outcome, Status, Stopping};
+use cfpose_optim::manifold::Manifold;
+use cfpose_optim::outcome::Counts;
+use cfpose_optim::{LeastSquares, Observer, Outcome, Status};
 
-use crate::block::Transform;
-use crate::conditioning::Conditioning;
+use crate::conditioning::{Conditioning, observe};
+use crate::criteria::Criteria;
 use crate::entry::{BuildContext, Registry};
 use crate::error::Error;
+use crate::free::Freedom;
 use crate::means::Execution;
-use crate::model::{Model, PointKind};
+use crate::model::Model;
 use crate::points::Points;
-use crate::problem::{Evaluation, MomentProblem, map_points};
+use crate::pose::Pose;
+use crate::problem::{Evaluation, MomentProblem, adapt, map_points};
 use crate::readout::{Correspondence, correspond, nearest_neighbours};
-use crate::robust::support::{Sampling, Support};
-use crate::start::StartContext;
-use crate::statistics::Statistics;
 
-mod auto;
-mod clusters;
+mod alternatives;
+mod candidate;
 mod continuous;
-mod engine;
-mod judge;
-mod level;
+mod estimate;
+mod outliers;
 mod overlap;
 mod pipeline;
-mod repair;
+mod preset;
+mod ransac;
+mod refine;
 mod run;
 mod schedule;
+mod search;
+mod settings;
+mod solve;
+mod stage;
+mod verdict;
 
-pub use engine::StageReport;
+pub use candidate::{By, Minimised, WeightedAt};
+pub use estimate::{Alternative, Estimate, StageReport};
 pub use pipeline::{NoiseModel, Outliers, Pipeline, Stage};
+pub use settings::{PRESETS, Settings, Start};
+pub use verdict::Verdict;
 
-/// The word that leaves a choice to the preset.
-const AUTO: &str = "auto";
-
-/// Where a solve begins.
-#[derive(Debug, Clone, PartialEq)]
-pub enum Start {
-    /// A strategy by name.
-    Named(String),
-    /// Given thetas in ambient coordinates.
-    Given(Vec<Vec<f64>>),
-}
-
-/// The names of all parts of an estimate, as the command line and experiment files give them.
-///
-/// ```
-/// use cfpose::Settings;
-/// let settings = Settings::preset("paper", "plane-bearing").unwrap();
-/// assert_eq!(settings.features, "trig18");
-/// ```
-#[derive(Debug, Clone, PartialEq)]
-pub struct Settings {
-    /// Preset the others come from.
-    pub preset: String,
-    /// Transformation model.
-    pub model: String,
-    /// Feature family.
-    pub features: String,
-    /// Normaliser; `None` leaves it to the model, then to the preset.
-    pub normaliser: Option<String>,
-    /// Weighting.
-    pub weighting: String,
-    /// Solver.
-    pub solver: String,
-    /// Starts.
-    pub start: Start,
-    /// Tangent columns that are free, `None` for all.
-    pub free: Option<Vec<usize>>,
-    /// Seed of everything random.
-    pub seed: u64,
-    /// Stopping rules of the solver.
-    pub stopping: Stopping,
-    /// How the two sets were sampled; `None` finds out by distances between the points, never from the residual.
-    pub sampling: Option<Sampling>,
-    /// Stages and what surrounds them; `None` leaves them to the preset and the model.
-    pub pipeline: Option<Pipeline>,
-}
-
-/// Names of the presets.
-pub const PRESETS: &[&str] = &["auto", "paper"];
-
-impl Settings {
-    /// Fill in a preset for a model. `paper` is exactly the printed method: `trig18`, normaliser `paper`, weighting
-    /// `identity`, Levenberg-Marquardt, one start. `auto` leaves features, weighting and starts to the model's pipeline.
-    ///
-    /// # Errors
-    /// [`Error::Build`] for an unknown preset, with suggestions.
-    pub fn preset(preset: &str, model: &str) -> Result<Self, Error> {
-        if !PRESETS.contains(&preset) {
-            return Err(crate::entry::BuildError::from(crate::entry::EntryError::UnknownName {
-                kind: "preset",
-                name: preset.to_string(),
-                suggestions: PRESETS.iter().map(|name| (*name).to_string()).collect(),
-            })
-            .into());
-        }
-        let choose = |paper: &str| if preset == "auto" { AUTO.to_string() } else { paper.to_string() };
-        Ok(Self {
-            preset: preset.to_string(),
-            model: model.to_string(),
-            features: choose("trig18"),
-            normaliser: None,
-            weighting: choose("identity"),
-            solver: "levenberg-marquardt".to_string(),
-            start: Start::Named(choose("identity")),
-            free: None,
-            seed: 0,
-            stopping: Stopping::default(),
-            sampling: None,
-            pipeline: None,
-        })
-    }
-
-    /// Return the theta that fixes the statistics of a target side that moves.
-    fn reference(&self, model: &Model) -> Vec<f64> {
-        match &self.start {
-            Start::Given(thetas) if !thetas.is_empty() => thetas[0].clone(),
-            _ => model.identity.clone(),
-        }
-    }
-
-    /// Choose the pipeline, put what was given beside the preset into its last stage, and fill in what the preset left open.
-    ///
-    /// `None` for a single solve without a statistic: the printed method and its variants.
-    fn resolve(&mut self, model: &Model) -> Option<Pipeline> {
-        let single =
-            || Pipeline::new(vec![Stage { iterations: self.stopping.max_iterations, ..Stage::new("only", AUTO) }]);
-        let mut pipeline = match &self.pipeline {
-            Some(pipeline) => pipeline.clone(),
-            None if self.preset == "auto" => auto::pipeline(model),
-            None if self.weighting == "identity" => return None,
-            None => single(),
-        };
-        let last = pipeline.stages.last_mut()?;
-        for (given, stage) in [(&mut self.features, &mut last.features), (&mut self.weighting, &mut last.weighting)] {
-            if given == AUTO { given.clone_from(stage) } else { stage.clone_from(given) }
-        }
-        match &self.normaliser {
-            None => self.normaliser.clone_from(&last.normaliser),
-            given => last.normaliser.clone_from(given),
-        }
-        Some(pipeline)
-    }
-}
-
-/// A problem with all its parts, before any solving.
-pub struct Prepared {
-    /// The moment problem.
-    pub problem: MomentProblem,
-    /// The model, shared with the problem.
-    pub model: Arc<Model>,
-    /// Starts in ambient coordinates, at least one.
-    pub starts: Vec<Vec<f64>>,
-    /// Name of the normaliser that was used.
-    pub normaliser: String,
-    /// The feature-space transform.
-    pub transform: Transform,
-    /// Source points as the model takes them.
-    pub source: Points,
-    /// Target points as the model takes them.
-    pub target: Points,
-    settings: Settings,
-    pipeline: Option<Pipeline>,
-    raw_source: Points,
-    raw_target: Points,
-    execution: Execution,
-}
-
-/// How sure one may be of an estimate.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Verdict {
-    /// The statistics agree with the fit.
-    Good,
-    /// Usable, but the statistics do not agree.
-    Suspect,
-    /// Not usable.
-    Failed,
-}
-
-impl Verdict {
-    /// Return the name used in JSON.
-    pub fn name(self) -> &'static str {
-        match self {
-            Verdict::Good => "good",
-            Verdict::Suspect => "suspect",
-            Verdict::Failed => "failed",
-        }
-    }
-}
-
-/// Another theta that was found or is implied.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Alternative {
-    /// Ambient theta.
-    pub theta: Vec<f64>,
-    /// Its cost.
-    pub cost: f64,
-    /// Its verdict, `None` where the weighting has no statistic.
-    pub verdict: Option<Verdict>,
-}
-
-/// The result of an estimate.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Estimate {
-    /// Best theta, ambient.
-    pub theta: Vec<f64>,
-    /// Outcome of the best start's solve.
-    pub outcome: Outcome,
-    /// Number of starts that were solved.
-    pub starts: usize,
-    /// Residual evaluations over all starts.
-    pub evaluations: usize,
-    /// Iterations over all starts.
-    pub iterations: usize,
-    /// Verdict; `None` where the weighting has no statistic, except `Failed`.
-    pub verdict: Option<Verdict>,
-    /// Other thetas, best first.
-    pub alternatives: Vec<Alternative>,
-    /// What is degenerate, undetermined, mirrored or ambiguous at theta: one sentence each.
-    pub warnings: Vec<String>,
-    /// Rank and conditioning of the Jacobian at theta.
-    pub conditioning: Conditioning,
-    /// J statistic, covariance, noise; where the weighting has them.
-    pub statistics: Option<Statistics>,
-    /// Distances between the points at theta; where the pipeline looks at them.
-    pub support: Option<Support>,
-    /// Share of the target points that were left out as outliers.
-    pub clutter: Option<f64>,
-    /// Whether theta was refined by closest points.
-    pub refined: bool,
-    /// How the sets were sampled, given or found.
-    pub sampling: Option<&'static str>,
-    /// What each stage of the pipeline did; empty for a single solve.
-    pub stages: Vec<StageReport>,
-}
-
-impl Estimate {
-    /// Say whether the estimate may be used.
-    pub fn usable(&self) -> bool {
-        self.outcome.usable() && self.verdict != Some(Verdict::Failed)
-    }
-}
+use search::{Search, Stages};
+use stage::{Data, Workbench, of_side};
 
 /// Cancel flag, deadline and observer of an estimate.
 #[derive(Default)]
@@ -257,31 +58,57 @@ pub struct Supervision<'a> {
     pub observer: Option<&'a mut dyn Observer>,
 }
 
-/// Bring a point set into the dimension a side takes: z = 1 is added to image and plane points where the model wants it.
-pub(crate) fn adapt(side: &'static str, model: &str, kind: PointKind, points: &Points) -> Result<Points, Error> {
-    points.require_spread(2).map_err(|problem| Error::Points { side, problem })?;
-    let mismatch = |expected: &str| Error::PointDimension {
-        side,
-        model: model.to_string(),
-        expected: expected.to_string(),
-        found: points.dim(),
-    };
-    match (kind, points.dim()) {
-        (PointKind::Plain(dim), found) if dim == found => Ok(points.clone()),
-        (PointKind::Plain(dim), _) => Err(mismatch(&dim.to_string())),
-        (PointKind::Homogeneous, 3) => Ok(points.clone()),
-        (PointKind::Homogeneous, 2) => {
-            points.with_constant_coordinate(1.0).map_err(|problem| Error::Points { side, problem })
-        }
-        (PointKind::Homogeneous, _) => Err(mismatch("2 (image or plane points) or 3")),
+/// What every stage of an estimate shares.
+struct Parts {
+    registry: Registry,
+    settings: Settings,
+    criteria: Criteria,
+    /// What is free, and the values of the rest.
+    freedom: Option<Freedom>,
+    /// Theta (ambient) that fixes the statistics of a target side that moves.
+    reference: Vec<f64>,
+    execution: Execution,
+}
+
+impl Parts {
+    /// Give what is fixed its value.
+    fn hold(&self, theta: &[f64]) -> Vec<f64> {
+        self.freedom.as_ref().map_or_else(|| theta.to_vec(), |freedom| freedom.hold(theta))
     }
 }
 
-impl Prepared {
+/// An estimate made ready: built once, solved many times.
+///
+/// It owns all of its parts, so that it may move to another thread and outlive what it was built from. A second solve repeats
+/// none of the set-up.
+///
+/// ```
+/// use cfpose::{Estimator, Execution, Points, Registry, Settings, Supervision};
+/// // The motivation example: theta p = q without correspondences gives theta = 1.
+/// let p = Points::from_rows(&[[1.0], [2.0], [3.0], [4.0]])?;
+/// let q = Points::from_rows(&[[2.0], [3.0], [1.0], [4.0]])?;
+/// let settings = Settings::preset("paper", "gain1")?.features("coordinates");
+/// let estimator = Estimator::new(&Registry::default(), &settings, &p, &q, &Execution::default())?;
+/// let estimate = estimator.solve(Supervision::default())?;
+/// assert!((estimate.theta[0] - 1.0).abs() < 1e-12);
+/// // The same estimator from another start.
+/// let again = estimator.solve_from(&[vec![0.5]], Supervision::default())?;
+/// assert!((again.theta[0] - 1.0).abs() < 1e-12);
+/// // What was minimised last can be evaluated again: the same cost.
+/// assert_eq!(estimator.evaluate_minimised(&estimate.minimised)?.cost, estimate.outcome.cost);
+/// # Ok::<(), cfpose::Error>(())
+/// ```
+pub struct Estimator {
+    parts: Parts,
+    pipeline: Pipeline,
+    stages: Stages,
+}
+
+impl Estimator {
     /// Build all parts of an estimate from their names.
     ///
     /// # Errors
-    /// [`Error`] for unknown names, and points that do not fit the model.
+    /// [`Error`] for unknown names, points that do not fit the model, and fewer features than unknowns.
     pub fn new(
         registry: &Registry,
         settings: &Settings,
@@ -289,128 +116,257 @@ impl Prepared {
         target: &Points,
         execution: &Execution,
     ) -> Result<Self, Error> {
-        let (raw_source, raw_target) = (source.clone(), target.clone());
-        let context = BuildContext { seed: settings.seed, source: Some(&raw_source), ..BuildContext::default() };
-        let mut model = Arc::new(registry.model(&settings.model, &context)?);
+        let data = Data::whole(Arc::new(source.clone()), Arc::new(target.clone()));
+        let context = BuildContext { seed: settings.seed, source: Some(&data.source), ..BuildContext::default() };
+        let model = registry.model(&settings.model, &context)?;
         let mut settings = settings.clone();
-        let pipeline = settings.resolve(&model);
-        if let Some(variant) = pipeline.as_ref().and_then(|p| p.stages.last()).and_then(|stage| stage.model.as_deref())
-        {
-            model = Arc::new(registry.model(variant, &context)?);
+        if let Some(Start::Given(thetas)) = &mut settings.start {
+            thetas.iter_mut().for_each(|theta| onto_manifold(&model, theta));
         }
-        let source = adapt("source", &settings.model, model.source_points, source)?;
-        let target = adapt("target", &settings.model, model.target_points, target)?;
-        if let Some(name) = model.source.attribute().filter(|name| source.attribute(name).is_none()) {
-            let problem = format!("model `{}` needs the attribute `{name}` of every source point", settings.model);
-            return Err(Error::Unsupported(problem));
-        }
-        let target_error = |problem| Error::Points { side: "target", problem };
-        // The reference theta fixes the statistics of a target side that moves.
-        let reference = settings.reference(&model);
-        let lifted = model.target.map().lift(&target);
-        let mapped = map_points(model.target.map(), &lifted, &reference, execution).map_err(target_error)?;
-        let normaliser_name =
-            settings.normaliser.clone().unwrap_or_else(|| model.normaliser.unwrap_or("paper").to_string());
-        let transform = registry.normaliser(&normaliser_name)?.fit(&mapped)?;
-        let normalised = transform_points(&mapped, &transform).map_err(target_error)?;
-        let context = BuildContext { dim: model.dim(), target: Some(&normalised), ..context };
-        let family = Arc::from(registry.family(&settings.features, &context)?);
-        let mut problem =
-            MomentProblem::new(Arc::clone(&model), family, transform, &source, &target, execution.clone());
-        if let Some(free) = &settings.free {
-            problem = problem.with_model_manifold(Arc::new(crate::free::manifold(&model.layout, free)));
-        }
-        registry.weighting(&settings.weighting)?;
-        let starts = match &settings.start {
-            Start::Given(thetas) => thetas.clone(),
-            // The pipeline searches for itself.
-            Start::Named(name) if name == AUTO && pipeline.is_some() => Vec::new(),
-            Start::Named(name) => {
-                let cost = |theta: &[f64]| {
-                    let mut residual = vec![0.0; problem.num_residuals()];
-                    problem.residual(theta, &mut residual);
-                    cfpose_optim::problem::half_squared_norm(&residual)
-                };
-                let (model, seed) = (model.as_ref(), settings.seed);
-                let context = StartContext { model, source: &source, target: &mapped, cost: &cost, seed };
-                registry.start(name)?.starts(&context)?
-            }
-        };
-        let (normaliser, execution) = (normaliser_name, execution.clone());
-        Ok(Self {
-            problem,
-            model,
-            starts,
-            normaliser,
-            transform,
-            source,
-            target,
-            settings,
-            pipeline,
-            raw_source,
-            raw_target,
-            execution,
-        })
-    }
-
-    /// Evaluate residual, Jacobian and feature means at one theta (ambient), without solving.
-    pub fn evaluate(&self, theta: &[f64]) -> Evaluation {
-        self.problem.evaluate(theta)
+        let base = settings.given_starts().first().unwrap_or(&model.identity).clone();
+        let freedom = settings.free.as_ref().map(|free| Freedom::new(&model.layout, free, &base));
+        let pipeline = settings.resolve(&model, freedom.as_ref());
+        let criteria = pipeline.criteria.clone();
+        let (registry, execution) = (registry.clone(), execution.clone());
+        let parts = Parts { registry, settings, criteria, freedom, reference: base, execution };
+        let stages = Stages::new(&parts, data, &pipeline, 0)?;
+        Ok(Self { parts, pipeline, stages })
     }
 
     /// Solve from every start and keep the best; the others that differ become alternatives.
     ///
     /// # Errors
-    /// [`Error`] for an unknown solver, fewer features than unknowns, or a start that is no theta; not converging is a status.
-    pub fn solve(&self, registry: &Registry, mut supervision: Supervision<'_>) -> Result<Estimate, Error> {
-        if let Some(pipeline) = &self.pipeline {
-            return self.run(registry, pipeline, supervision);
+    /// [`Error`] for fewer features than unknowns, a start strategy that does not apply, and points that a theta maps to
+    /// infinity; not converging is a status.
+    pub fn solve(&self, supervision: Supervision<'_>) -> Result<Estimate, Error> {
+        self.search(None, supervision)
+    }
+
+    /// Solve from these thetas (ambient) instead of the starts of the settings: for streams, and for many starts.
+    ///
+    /// What is fixed keeps the values it had when the estimator was built.
+    ///
+    /// # Errors
+    /// As [`Estimator::solve`].
+    pub fn solve_from(&self, starts: &[Vec<f64>], supervision: Supervision<'_>) -> Result<Estimate, Error> {
+        let starts: Vec<Vec<f64>> = starts.iter().map(|theta| self.parts.hold(theta)).collect();
+        self.search(Some(starts), supervision)
+    }
+
+    /// Make the same estimator for another target: the next frame of a stream.
+    ///
+    /// # Errors
+    /// As [`Estimator::new`].
+    pub fn with_target(&self, target: &Points) -> Result<Self, Error> {
+        let parts = &self.parts;
+        Self::new(&parts.registry, &parts.settings, &self.stages.data.source, target, &parts.execution)
+    }
+
+    /// Run the pipeline, refine the best, compare it with what else was found, judge it.
+    fn search(&self, starts: Option<Vec<Vec<f64>>>, mut supervision: Supervision<'_>) -> Result<Estimate, Error> {
+        for stage in &self.stages.ready {
+            stage.problem.require_enough_features()?;
         }
-        let solver = registry.solver(match (self.settings.solver.as_str(), self.model.solver) {
-            ("levenberg-marquardt", Some(own)) => own,
-            (given, _) => given,
-        })?;
-        self.problem.require_enough_features()?;
-        let mut outcomes: Vec<Outcome> = Vec::new();
-        for start in &self.starts {
-            let mut control = Control {
-                stopping: Stopping { deadline: supervision.deadline, ..self.settings.stopping.clone() },
-                seed: self.settings.seed,
-                cancel: supervision.cancel,
-                ..Control::default()
-            };
-            if let Some(observer) = supervision.observer.as_deref_mut() {
-                control.observer = Some(observer);
-            }
-            outcomes.push(solver.solve(&self.problem, start, &mut control)?);
-        }
-        let evaluations = outcomes.iter().map(|o| o.counts.residuals).sum();
-        let iterations = outcomes.iter().map(|o| o.counts.iterations).sum();
-        let rank = |o: &Outcome| if o.cost.is_finite() { o.cost } else { f64::INFINITY };
-        outcomes.sort_by(|a, b| rank(a).total_cmp(&rank(b)));
-        let mut outcomes = outcomes.into_iter();
-        let Some(best) = outcomes.next() else {
-            return Err(Error::Unsupported("the start strategy proposed no start".to_string()));
+        let mut search = Search::new(&self.parts, &self.pipeline, &self.stages);
+        let given = match starts {
+            Some(starts) => starts,
+            None => search.given()?,
         };
-        let failed = !best.usable();
-        let judged = self.judge(&best, outcomes);
+        let found = search.run(&given, &mut supervision)?;
+        let Some(mut best) = found.best else { return Ok(self.nothing(&search, &given)) };
+        let stage = self.stages.last();
+        refine::refine(&mut best, stage, &self.pipeline, &self.parts)?;
+        let usable = best.outcome.usable();
+        let (mut warnings, alternatives) =
+            if usable { search.compare(&mut best, &found.all) } else { (Vec::new(), Vec::new()) };
+        // Cost and status are those of the theta that is returned.
+        let theta = best.theta.clone();
+        if usable {
+            best.move_to(&theta);
+        }
+        warnings.extend(verdict::reasons(&best, stage, &self.parts).into_iter().map(|(words, _)| words));
+        let conditioning = if usable { self.conditioning(&best) } else { self.unknown() };
+        warnings.extend(conditioning.warnings());
+        let counts = [self.stages.data.source.len(), self.stages.data.target.len()];
+        let own = theta[..stage.own()].to_vec();
         Ok(Estimate {
-            theta: judged.theta,
-            starts: self.starts.len(),
-            evaluations,
-            iterations,
-            verdict: failed.then_some(Verdict::Failed),
-            alternatives: judged.alternatives,
-            warnings: judged.warnings,
-            conditioning: judged.conditioning,
-            outcome: best,
+            pose: Pose::of_theta(&stage.model().layout, &own),
+            by: best.by,
+            verdict: verdict::verdict(&best, stage, &self.parts),
+            minimised: best.minimised(stage, &self.parts.reference, self.parts.settings.seed, counts),
+            theta: own,
+            starts: search.starts,
+            evaluations: search.reports.iter().map(|r| r.evaluations).sum(),
+            iterations: search.iterations,
+            alternatives,
+            warnings,
+            conditioning,
+            statistics: best.statistics,
+            support: best.support,
+            clutter: best.clutter,
+            refined: best.refined,
+            sampling: best.sampling.map(|s| s.name()),
+            stages: search.reports,
+            outcome: best.outcome,
+        })
+    }
+
+    /// Return rank and conditioning of the Jacobian at a candidate's theta.
+    fn conditioning(&self, candidate: &candidate::Candidate) -> Conditioning {
+        let stage = self.stages.last();
+        let evaluation = candidate.problem.evaluate(&candidate.theta);
+        let (unknowns, free) = (candidate.problem.manifold().tangent(), self.parts.settings.free.as_deref());
+        observe(&evaluation.jacobian, unknowns, &stage.model().layout, free, &candidate.theta)
+    }
+
+    fn unknown(&self) -> Conditioning {
+        Conditioning::unknown(self.stages.last().problem.manifold().tangent())
+    }
+
+    /// No start survived the gates: an estimate that says so.
+    fn nothing(&self, search: &Search<'_>, given: &[Vec<f64>]) -> Estimate {
+        let stage = self.stages.last();
+        let theta = given.first().unwrap_or(&self.parts.reference).clone();
+        let ambient = stage.adopt(&theta, &self.parts);
+        let message = if search.starts == 0 {
+            "the start strategy proposed no start"
+        } else {
+            "no start led to a plausible theta: in front of the camera, facing it"
+        };
+        let outcome = Outcome {
+            theta: ambient.clone(),
+            cost: f64::INFINITY,
+            violation: 0.0,
+            status: Status::Stalled,
+            message: message.to_string(),
+            gradient_norm: f64::NAN,
+            counts: Counts::default(),
+            seconds: 0.0,
+            trace: Vec::new(),
+        };
+        let minimised = Minimised {
+            stage: stage.stage.clone(),
+            theta: ambient,
+            reference: self.parts.reference.clone(),
+            weighted_at: None,
+            left_out_source: Vec::new(),
+            left_out_target: Vec::new(),
+            seed: self.parts.settings.seed,
+        };
+        Estimate {
+            pose: Pose::of_theta(&stage.model().layout, &theta),
+            by: By::Moments,
+            theta,
+            evaluations: search.reports.iter().map(|r| r.evaluations).sum(),
+            iterations: search.iterations,
+            starts: search.starts,
+            verdict: Some(Verdict::Failed),
+            alternatives: Vec::new(),
+            warnings: Vec::new(),
+            conditioning: self.unknown(),
             statistics: None,
             support: None,
             clutter: None,
             refined: false,
             sampling: None,
-            stages: Vec::new(),
-        })
+            stages: search.reports.clone(),
+            outcome,
+            minimised,
+        }
+    }
+
+    /// Evaluate the named parts at one theta (ambient), without solving: exactly the model of the settings, its features
+    /// (`trig18` where none are named), its weighting at that theta (the identity where none is named), no noise.
+    ///
+    /// Returns what was evaluated beside the evaluation.
+    ///
+    /// # Errors
+    /// As [`Estimator::new`].
+    pub fn evaluate(&self, theta: &[f64]) -> Result<(Minimised, Evaluation), Error> {
+        let settings = &self.parts.settings;
+        let stage = match &settings.pipeline {
+            Some(_) => self.stages.last().stage.clone(),
+            None => Stage {
+                normaliser: settings.normaliser.clone(),
+                weighting: settings.weighting.clone().unwrap_or_else(|| "identity".to_string()),
+                ..Stage::new("evaluated", settings.features.as_deref().unwrap_or("trig18"))
+            },
+        };
+        let data = self.stages.data.clone();
+        let ready = Workbench::new(&self.parts, &data).stage(&stage)?;
+        let at = ready.adopt(theta, &self.parts);
+        let weighted_at = ready.weighting_at(&at, &self.parts)?;
+        let problem = ready.rebuilt(weighted_at.as_ref(), settings.seed)?;
+        let evaluation = problem.evaluate(&at);
+        let minimised = Minimised {
+            stage: ready.stage,
+            theta: at,
+            reference: self.parts.reference.clone(),
+            weighted_at,
+            left_out_source: Vec::new(),
+            left_out_target: Vec::new(),
+            seed: settings.seed,
+        };
+        Ok((minimised, evaluation))
+    }
+
+    /// Evaluate what an estimate minimised last, at its theta: gives the cost of that estimate.
+    ///
+    /// # Errors
+    /// As [`Estimator::new`]; [`Error::Unsupported`] when the rows that were left out are not rows of these points.
+    pub fn evaluate_minimised(&self, minimised: &Minimised) -> Result<Evaluation, Error> {
+        let data = &self.stages.data;
+        for (side, left_out, len) in [
+            ("source", &minimised.left_out_source, data.source.len()),
+            ("target", &minimised.left_out_target, data.target.len()),
+        ] {
+            if let Some(row) = left_out.iter().find(|row| !(1..=len).contains(*row)) {
+                let problem =
+                    format!("the result left row {row} of the {side} out, which has {len}; give the same files");
+                return Err(Error::Unsupported(problem));
+            }
+        }
+        let source = Minimised::kept(&minimised.left_out_source, data.source.len());
+        let target = Minimised::kept(&minimised.left_out_target, data.target.len());
+        let data = data.keep(source.as_deref(), target.as_deref())?;
+        let parts = Parts {
+            registry: self.parts.registry.clone(),
+            settings: Settings { seed: minimised.seed, ..self.parts.settings.clone() },
+            criteria: self.parts.criteria.clone(),
+            freedom: self.parts.freedom.clone(),
+            reference: minimised.reference.clone(),
+            execution: self.parts.execution.clone(),
+        };
+        let ready = Workbench::new(&parts, &data).stage(&minimised.stage)?;
+        if minimised.theta.len() != ready.problem.manifold().ambient() {
+            let (found, expected) = (minimised.theta.len(), ready.problem.manifold().ambient());
+            let problem = format!("the result's theta has {found} numbers, its stage needs {expected}");
+            return Err(Error::Unsupported(problem));
+        }
+        Ok(ready.rebuilt(minimised.weighted_at.as_ref(), minimised.seed)?.evaluate(&minimised.theta))
+    }
+
+    /// Return the problem of the last stage, not weighted, with its nuisance parameters.
+    pub fn problem(&self) -> &MomentProblem {
+        &self.stages.last().problem
+    }
+
+    /// Return the model of the last stage.
+    pub fn model(&self) -> &Model {
+        self.stages.last().model()
+    }
+
+    /// Return the stage that is reported last, every choice filled in.
+    pub fn last_stage(&self) -> &Stage {
+        &self.stages.last().stage
+    }
+
+    /// Return the starts that a solve begins with; none where the pipeline searches by itself.
+    ///
+    /// # Errors
+    /// [`Error::Unsupported`] for a strategy that does not apply to the model.
+    pub fn starts(&self) -> Result<Vec<Vec<f64>>, Error> {
+        Search::new(&self.parts, &self.pipeline, &self.stages).given()
     }
 
     /// Return for each source point the index (from 0) of its nearest target point at theta.
@@ -418,8 +374,7 @@ impl Prepared {
     /// # Errors
     /// [`Error::Points`] when a mapped point is not finite.
     pub fn correspondence(&self, theta: &[f64]) -> Result<Vec<usize>, Error> {
-        let source = self.problem.mapped_source(theta).map_err(|problem| Error::Points { side: "source", problem })?;
-        let target = self.problem.mapped_target(theta).map_err(|problem| Error::Points { side: "target", problem })?;
+        let (source, target) = self.mapped(theta)?;
         Ok(nearest_neighbours(&source, &target))
     }
 
@@ -428,32 +383,63 @@ impl Prepared {
     /// `threshold` is the distance up to which a pair is an inlier; `None` takes half the median spacing of the target.
     ///
     /// # Errors
-    /// As [`Prepared::correspondence`].
+    /// As [`Estimator::correspondence`].
     pub fn matches(&self, theta: &[f64], threshold: Option<f64>) -> Result<Correspondence, Error> {
-        let source = self.problem.mapped_source(theta).map_err(|problem| Error::Points { side: "source", problem })?;
-        let target = self.problem.mapped_target(theta).map_err(|problem| Error::Points { side: "target", problem })?;
+        let (source, target) = self.mapped(theta)?;
         Ok(correspond(&source, &target, threshold))
+    }
+
+    /// Map all source points into the feature space of the last stage at theta, not normalised.
+    ///
+    /// # Errors
+    /// As [`Estimator::correspondence`].
+    pub fn mapped_source(&self, theta: &[f64]) -> Result<Points, Error> {
+        self.stages.last().mapped_source(theta)
+    }
+
+    /// Map all points of both sides (source, target) into the feature space of the last stage at theta, not normalised.
+    ///
+    /// # Errors
+    /// As [`Estimator::correspondence`].
+    pub fn mapped(&self, theta: &[f64]) -> Result<(Points, Points), Error> {
+        let (model, data) = (self.model(), &self.stages.data);
+        let target = adapt("target", &self.parts.settings.model, model.target_points, &data.target)?;
+        let (map, own) = (model.target.map(), &theta[..self.stages.last().own()]);
+        let target = map_points(map, &map.lift(&target), own, &self.parts.execution).map_err(of_side("target"))?;
+        Ok((self.mapped_source(theta)?, target))
     }
 
     /// Return the homography (row by row) that a theta applies to image or plane points (x, y, 1) of the source, for models
     /// that do; [`crate::homography`] brings it into the units of the files and decomposes it.
     pub fn homography(&self, theta: &[f64]) -> Option<[f64; 9]> {
-        self.model.homography.map(|matrix| matrix(theta))
+        self.model().homography.map(|matrix| matrix(theta))
     }
 
-    /// Return the number of free tangent directions.
+    /// Return the number of free tangent directions of the model.
     pub fn num_unknowns(&self) -> usize {
-        self.problem.manifold().tangent()
+        self.stages.last().own_tangent()
     }
 
-    /// Return the pipeline, `None` for a single solve.
-    pub fn pipeline(&self) -> Option<&Pipeline> {
-        self.pipeline.as_ref()
+    /// Return the pipeline, every choice filled in.
+    pub fn pipeline(&self) -> &Pipeline {
+        &self.pipeline
     }
 
-    /// Return the settings; what the preset left open is filled in.
+    /// Return the settings as they were given; starts are on the manifold.
     pub fn settings(&self) -> &Settings {
-        &self.settings
+        &self.parts.settings
+    }
+}
+
+/// Move a theta that is off its manifold by more than rounding (a matrix from a file that is no rotation) onto it.
+fn onto_manifold(model: &Model, theta: &mut Vec<f64>) {
+    let mut projected = theta.clone();
+    if projected.len() == model.layout.manifold().ambient() {
+        model.layout.manifold().project(&mut projected);
+    }
+    let size = theta.iter().fold(1.0_f64, |size, value| size.max(value.abs()));
+    if theta.iter().zip(&projected).any(|(a, b)| (a - b).abs() > 1e-12 * size) {
+        *theta = projected;
     }
 }
 
@@ -461,16 +447,15 @@ impl Prepared {
 ///
 /// ```
 /// use cfpose::{Execution, Points, Registry, Settings, estimate};
-/// // The motivation example: theta p = q without correspondences gives theta = 1.
 /// let p = Points::from_rows(&[[1.0], [2.0], [3.0], [4.0]]).unwrap();
 /// let q = Points::from_rows(&[[2.0], [3.0], [1.0], [4.0]]).unwrap();
-/// let settings = Settings { features: "coordinates".into(), ..Settings::preset("paper", "gain1").unwrap() };
+/// let settings = Settings::preset("paper", "gain1").unwrap().features("coordinates");
 /// let estimate = estimate(&Registry::default(), &settings, &p, &q, &Execution::default()).unwrap();
 /// assert!((estimate.theta[0] - 1.0).abs() < 1e-12);
 /// ```
 ///
 /// # Errors
-/// As [`Prepared::new`] and [`Prepared::solve`].
+/// As [`Estimator::new`] and [`Estimator::solve`].
 pub fn estimate(
     registry: &Registry,
     settings: &Settings,
@@ -478,17 +463,5 @@ pub fn estimate(
     target: &Points,
     execution: &Execution,
 ) -> Result<Estimate, Error> {
-    Prepared::new(registry, settings, source, target, execution)?.solve(registry, Supervision::default())
-}
-
-/// Apply a transform to mapped points.
-pub(crate) fn transform_points(points: &Points, transform: &Transform) -> Result<Points, crate::points::PointsError> {
-    let rows: Vec<[f64; 3]> = (0..points.len()).map(|k| transform.apply(points.point(k))).collect();
-    let columns = (0..points.dim()).map(|d| rows.iter().map(|row| row[d]).collect()).collect();
-    Points::weighted(columns, points.weights().to_vec())
-}
-
-/// A status that means a limit was reached and not a tolerance.
-pub fn is_limit(status: Status) -> bool {
-    matches!(status, Status::MaxIterations | Status::MaxEvaluations | Status::Deadline | Status::Cancelled)
+    Estimator::new(registry, settings, source, target, execution)?.solve(Supervision::default())
 }

@@ -10,9 +10,10 @@ use cfpose_optim::manifold::{Manifold, Product};
 use cfpose_optim::masked::Masked;
 
 use crate::entry::{BuildError, EntryError};
-use crate::theta::{BlockKind, Layout};
+use crate::theta::{BlockKind, Layout, euler_of_rotation, rotation_of_euler};
 
 mod euler;
+mod sphere;
 
 /// Whose axes the names of free parameters mean.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -127,24 +128,147 @@ fn unknown(given: &str, all: &[Column], frame: Frame) -> BuildError {
     BuildError::Data { name: "free parameters".to_string(), problem }
 }
 
-/// Return the manifold on which only the given tangent columns move (indices from 0; others are ignored out of range).
-pub fn manifold(layout: &Layout, free: &[usize]) -> Product {
-    let mut start = 0;
-    let factors = layout.blocks().iter().map(|block| -> Arc<dyn Manifold> {
-        let whole = block.kind.manifold();
-        let mut inside: Vec<usize> =
-            free.iter().filter(|j| (start..start + whole.tangent()).contains(*j)).map(|j| j - start).collect();
-        inside.sort_unstable();
-        inside.dedup();
-        start += whole.tangent();
-        if inside.len() == whole.tangent() {
-            whole
-        } else if matches!(block.kind, BlockKind::Rotation) && !inside.is_empty() {
-            Arc::new(euler::EulerAngles { free: inside })
-        } else {
-            let mask: Vec<bool> = (0..whole.tangent()).map(|j| inside.contains(&j)).collect();
-            Arc::new(Masked::new(whole, &mask))
+/// A choice of free parameters and the theta that gives the fixed ones their values: `--free` and `--start` as one thing.
+///
+/// What is fixed keeps the value of `base`: of a vector the coordinate itself, of a rotation R = Rz Ry Rx the Euler angle, of a
+/// unit vector the component along the fixed tangent directions at `base` (which is 0 there).
+///
+/// ```
+/// use cfpose::free::Freedom;
+/// use cfpose::theta::{Layout, RotationForm};
+/// let pose = Layout::pose3();
+/// let list = |numbers: &[f64; 6]| pose.from_list(numbers, RotationForm::Vector).unwrap();
+/// let yaw = Freedom::new(&pose, &[2, 3], &pose.neutral());
+/// let held = yaw.hold(&list(&[0.3, -0.2, 0.9, 1.0, 2.0, 3.0]));
+/// let angles = cfpose::theta::euler_of_rotation(&held);
+/// assert_eq!(angles[..2], [0.0, 0.0]);
+/// assert!(angles[2] > 0.8);
+/// assert_eq!(held[9..], [1.0, 0.0, 0.0]);
+/// ```
+#[derive(Debug, Clone)]
+pub struct Freedom {
+    blocks: Vec<Held>,
+    manifold: Product,
+}
+
+/// One block of theta and what of it is free.
+#[derive(Debug, Clone)]
+struct Held {
+    kind: BlockKind,
+    /// Free tangent columns of the block, ascending.
+    free: Vec<usize>,
+    /// Ambient coordinates that the fixed part has.
+    base: Vec<f64>,
+}
+
+impl Freedom {
+    /// Free the tangent columns `free` (indices from 0 over all blocks; others are ignored out of range); everything else keeps
+    /// its value at `base` (ambient).
+    pub fn new(layout: &Layout, free: &[usize], base: &[f64]) -> Self {
+        let (mut column, mut rest) = (0, base);
+        let mut blocks = Vec::new();
+        for block in layout.blocks() {
+            let whole = block.kind.manifold();
+            let range = column..column + whole.tangent();
+            let mut inside: Vec<usize> = free.iter().filter(|j| range.contains(*j)).map(|j| j - column).collect();
+            inside.sort_unstable();
+            inside.dedup();
+            column = range.end;
+            let (own, tail) = rest.split_at(whole.ambient());
+            rest = tail;
+            blocks.push(Held { kind: block.kind.clone(), free: inside, base: own.to_vec() });
         }
-    });
-    Product::new(factors.collect())
+        let manifold = Product::new(blocks.iter().map(Held::manifold).collect());
+        Self { blocks, manifold }
+    }
+
+    /// Return the same freedom with the fixed values of another theta (ambient).
+    #[must_use]
+    pub fn at(&self, base: &[f64]) -> Self {
+        let (mut blocks, mut rest) = (self.blocks.clone(), base);
+        for block in &mut blocks {
+            let (own, tail) = rest.split_at(block.base.len());
+            rest = tail;
+            block.base = own.to_vec();
+        }
+        let manifold = Product::new(blocks.iter().map(Held::manifold).collect());
+        Self { blocks, manifold }
+    }
+
+    /// Return the manifold on which only the free columns move.
+    pub fn manifold(&self) -> &Product {
+        &self.manifold
+    }
+
+    /// Return the theta nearest to a given one (ambient; numbers after the layout's own are copied) whose fixed parts have the
+    /// values of the base, to the last bit.
+    pub fn hold(&self, theta: &[f64]) -> Vec<f64> {
+        let (mut out, mut rest) = (Vec::with_capacity(theta.len()), theta);
+        for block in &self.blocks {
+            let (own, tail) = rest.split_at(block.base.len());
+            rest = tail;
+            out.extend(block.hold(own));
+        }
+        out.extend(rest);
+        out
+    }
+
+    /// Say whether `theta` has the fixed values of the base, up to rounding.
+    pub fn admits(&self, theta: &[f64]) -> bool {
+        self.hold(theta).iter().zip(theta).all(|(a, b)| (a - b).abs() < 1e-6)
+    }
+
+    /// Return the Euler angles (0, 1, 2 for x, y, z) that are free where some but not all of the rotation is, with the ambient
+    /// rotation of the base.
+    pub fn turns(&self) -> Option<(&[usize], &[f64])> {
+        let partial = |block: &&Held| matches!(block.kind, BlockKind::Rotation) && block.free.len() < 3;
+        self.blocks.iter().find(partial).map(|block| (block.free.as_slice(), block.base.as_slice()))
+    }
+}
+
+impl Held {
+    fn is_whole(&self) -> bool {
+        self.free.len() == self.kind.manifold().tangent()
+    }
+
+    fn manifold(&self) -> Arc<dyn Manifold> {
+        let whole = self.kind.manifold();
+        match self.kind {
+            _ if self.is_whole() => whole,
+            BlockKind::Rotation if !self.free.is_empty() => Arc::new(euler::EulerAngles { free: self.free.clone() }),
+            BlockKind::Direction(_) if !self.free.is_empty() => Arc::new(self.great_sphere()),
+            _ => {
+                let mask: Vec<bool> = (0..whole.tangent()).map(|j| self.free.contains(&j)).collect();
+                Arc::new(Masked::new(whole, &mask))
+            }
+        }
+    }
+
+    fn great_sphere(&self) -> sphere::GreatSphere {
+        sphere::GreatSphere::new(&self.base, &self.free)
+    }
+
+    /// Give the fixed part of a block the values of the base.
+    fn hold(&self, theta: &[f64]) -> Vec<f64> {
+        if self.is_whole() {
+            return theta.to_vec();
+        }
+        if self.free.is_empty() {
+            return self.base.clone();
+        }
+        let mut held = theta.to_vec();
+        match self.kind {
+            BlockKind::Rotation => {
+                let (mut angles, base) = (euler_of_rotation(theta), euler_of_rotation(&self.base));
+                (0..3).filter(|axis| !self.free.contains(axis)).for_each(|axis| angles[axis] = base[axis]);
+                held.copy_from_slice(&rotation_of_euler(&angles));
+            }
+            BlockKind::Direction(_) => self.great_sphere().project(&mut held),
+            _ => {
+                let fixed = |j: &usize| !self.free.contains(j);
+                (0..theta.len()).filter(fixed).for_each(|j| held[j] = self.base[j]);
+            }
+        }
+        held
+    }
 }

@@ -99,12 +99,26 @@ impl Neighbours {
 
     /// Return the median distance of a point to its nearest other point; of many points 500 are asked.
     pub fn spacing(&self) -> f64 {
+        let all = self.nearest_distances();
+        all[all.len() / 2]
+    }
+
+    /// Return the share of these distances that equal their median to 1e-6: nearly all of a lattice, next to none of points
+    /// drawn at random.
+    pub fn equal_spacing_share(&self) -> f64 {
+        let all = self.nearest_distances();
+        let median = all[all.len() / 2];
+        all.iter().filter(|d| (**d - median).abs() <= 1e-6 * median).count() as f64 / all.len() as f64
+    }
+
+    /// Return the distances of up to 500 points to their nearest other point, ascending.
+    fn nearest_distances(&self) -> Vec<f64> {
         let step = self.rows.len().div_ceil(500);
         // The nearest is the point itself, or its double.
         let of = |p: &[f64; 3]| self.nearest_n(p, 2).get(1).map_or(0.0, |n| n.squared.sqrt());
         let mut all: Vec<f64> = self.rows.iter().step_by(step).map(of).collect();
         all.sort_by(f64::total_cmp);
-        all[all.len() / 2]
+        all
     }
 
     fn squared(&self, a: &[f64; 3], b: &[f64; 3]) -> f64 {

@@ -21,9 +21,12 @@ mod equality;
 mod evaluate;
 mod hyper;
 mod noise;
+mod setup;
 mod sparse;
 
 pub use noise::Noise;
+pub use setup::Sides;
+pub(crate) use setup::{adapt, transformed};
 use sparse::SparseMatrix;
 
 /// Sources of at least this many points are replaced by their moments where model and family allow it.
@@ -66,18 +69,21 @@ impl<R: ResidualRows> DynRows for R {
 }
 
 /// One pair of point sets that must match; groups share theta.
+#[derive(Clone)]
 struct Group {
-    source: LiftedPoints,
-    target: LiftedPoints,
+    source: Arc<LiftedPoints>,
+    target: Arc<LiftedPoints>,
     /// Moments of the source, where they replace the sums over its points.
-    moments: Option<MomentPath>,
+    moments: Option<Arc<MomentPath>>,
     /// Means of the basis over the target, where they do not move with theta.
-    fixed_target: Option<Vec<f64>>,
+    fixed_target: Option<Arc<Vec<f64>>>,
 }
 
 /// r(theta) = C (F_p(theta) - F_q(theta)) for each group, weighted, followed by extra rows.
 ///
-/// theta is the model's ambient theta followed by the nuisance parameters of [`Noise`].
+/// theta is the model's ambient theta followed by the nuisance parameters of [`Noise`]. A clone shares the points: it is how
+/// one problem gets another weighting.
+#[derive(Clone)]
 pub struct MomentProblem {
     model: Arc<Model>,
     family: Arc<dyn DynFamily>,
@@ -86,9 +92,9 @@ pub struct MomentProblem {
     noise: Noise,
     extra: Vec<Arc<dyn DynRows>>,
     /// Square root of W: rows x all features of all groups.
-    whitening: Option<Vec<f64>>,
-    coefficients: Option<SparseMatrix>,
-    closure: Option<Closure>,
+    whitening: Option<Arc<[f64]>>,
+    coefficients: Option<Arc<SparseMatrix>>,
+    closure: Option<Arc<Closure>>,
     execution: Execution,
     manifold: Product,
 }
@@ -118,11 +124,21 @@ impl MomentProblem {
         target: &Points,
         execution: Execution,
     ) -> Self {
+        Self::without_points(model, family, transform, execution).with_group(source, target)
+    }
+
+    /// Set up a problem that has no group yet.
+    pub(crate) fn without_points(
+        model: Arc<Model>,
+        family: Arc<dyn DynFamily>,
+        transform: Transform,
+        execution: Execution,
+    ) -> Self {
         let dim = model.dim();
         let manifold = Product::new(model.layout.manifold().factors().to_vec());
-        let problem = Self {
+        Self {
             coefficients: sparse_coefficients(family.as_ref(), dim),
-            closure: Closure::of(family.as_ref(), dim),
+            closure: Closure::of(family.as_ref(), dim).map(Arc::new),
             extra: model.regulariser.iter().cloned().collect(),
             model,
             family,
@@ -132,34 +148,37 @@ impl MomentProblem {
             whitening: None,
             execution,
             manifold,
-        };
-        problem.with_group(source, target)
+        }
     }
 
     /// Add another pair of point sets that shares theta.
     #[must_use]
-    pub fn with_group(mut self, source: &Points, target: &Points) -> Self {
-        let source_lifted = self.model.source.lift(source);
-        let moments = if source.len() >= MOMENTS_FROM {
+    pub fn with_group(self, source: &Points, target: &Points) -> Self {
+        let (source, target) = (self.model.source.lift(source), self.model.target.map().lift(target));
+        self.with_lifted(Arc::new(source), Arc::new(target))
+    }
+
+    /// Add a pair of sets that the maps of the model have lifted already.
+    #[must_use]
+    pub(crate) fn with_lifted(mut self, source: Arc<LiftedPoints>, target: Arc<LiftedPoints>) -> Self {
+        let moments = if source.len >= MOMENTS_FROM {
             let monomials = self.family.monomials(self.model.dim());
-            MomentPath::new(self.model.source.as_ref(), monomials, &source_lifted, &self.execution)
+            MomentPath::new(self.model.source.as_ref(), monomials, &source, &self.execution).map(Arc::new)
         } else {
             None
         };
-        let mut group =
-            Group { source: source_lifted, target: self.model.target.map().lift(target), moments, fixed_target: None };
-        group.fixed_target = self.fixed_target(&group.target);
-        self.groups.push(group);
+        let fixed_target = self.fixed_target(&target);
+        self.groups.push(Group { source, target, moments, fixed_target });
         self
     }
 
     /// Return the means of the basis over target points that do not move with theta.
-    fn fixed_target(&self, target: &LiftedPoints) -> Option<Vec<f64>> {
+    fn fixed_target(&self, target: &LiftedPoints) -> Option<Arc<Vec<f64>>> {
         if self.model.target.is_moving() {
             return None;
         }
         let prepared = self.model.target.map().prepare(&self.model.layout.neutral(), &[], 0);
-        Some(self.sums(self.model.target.map(), target, prepared, &self.execution).values)
+        Some(Arc::new(self.sums(self.model.target.map(), target, prepared, &self.execution).values))
     }
 
     /// Sum over the points at every evaluation even where moments could replace them: for comparisons.
@@ -184,7 +203,7 @@ impl MomentProblem {
         if noise != Noise::None && !has_blur(self.family.as_ref(), dim) {
             self.family = Arc::new(QuadratureBlur::new(self.family, 5, 0.1));
             self.coefficients = sparse_coefficients(self.family.as_ref(), dim);
-            self.closure = Closure::of(self.family.as_ref(), dim);
+            self.closure = Closure::of(self.family.as_ref(), dim).map(Arc::new);
             for index in 0..self.groups.len() {
                 self.groups[index].moments = None;
                 self.groups[index].fixed_target = self.fixed_target(&self.groups[index].target);
@@ -221,13 +240,8 @@ impl MomentProblem {
     /// Weight the feature rows by a square root of W (any rows x all features).
     #[must_use]
     pub fn with_whitening(mut self, whitening: Option<Vec<f64>>) -> Self {
-        self.whitening = whitening;
+        self.whitening = whitening.map(Arc::from);
         self
-    }
-
-    /// Replace the square root of W, as [`MomentProblem::with_whitening`].
-    pub fn set_whitening(&mut self, whitening: Option<Vec<f64>>) {
-        self.whitening = whitening;
     }
 
     /// Return the square root of W that the residual was multiplied by, `None` for the identity.
@@ -243,6 +257,11 @@ impl MomentProblem {
     /// Return how the target's noise is modelled.
     pub fn noise(&self) -> Noise {
         self.noise
+    }
+
+    /// Return where sums are computed.
+    pub(crate) fn execution(&self) -> &Execution {
+        &self.execution
     }
 
     /// Return the instruction set of the sums.
@@ -311,8 +330,8 @@ impl MomentProblem {
 }
 
 /// Return C as the sparse matrix that it usually is.
-fn sparse_coefficients(family: &dyn DynFamily, dim: usize) -> Option<SparseMatrix> {
-    family.coefficients(dim).map(|c| SparseMatrix::new(&c, family.num_basis(dim)))
+fn sparse_coefficients(family: &dyn DynFamily, dim: usize) -> Option<Arc<SparseMatrix>> {
+    family.coefficients(dim).map(|c| Arc::new(SparseMatrix::new(&c, family.num_basis(dim))))
 }
 
 /// Say whether a family can blur its means.

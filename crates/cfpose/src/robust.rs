@@ -8,6 +8,8 @@ pub mod mixture;
 mod normals;
 pub mod support;
 
+use std::sync::Arc;
+
 use cfpose_optim::manifold::Manifold;
 use cfpose_optim::problem::LeastSquares;
 
@@ -39,13 +41,18 @@ impl Mapped {
 /// A source set that can be moved by theta: the model of a problem, a choice of its points, its manifold.
 pub(crate) struct Mover<'a> {
     problem: &'a MomentProblem,
-    lifted: LiftedPoints,
+    lifted: Arc<LiftedPoints>,
 }
 
 impl<'a> Mover<'a> {
     /// Take points as the problem's model takes them.
     pub fn new(problem: &'a MomentProblem, source: &Points) -> Self {
-        Self { problem, lifted: problem.model().source.lift(source) }
+        Self::over(problem, Arc::new(problem.model().source.lift(source)))
+    }
+
+    /// Take points that the problem's model has lifted already.
+    pub fn over(problem: &'a MomentProblem, lifted: Arc<LiftedPoints>) -> Self {
+        Self { problem, lifted }
     }
 
     /// Return the number of points.

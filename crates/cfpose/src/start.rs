@@ -2,8 +2,10 @@
 
 use crate::entry::{EntryError, ParameterSpec, Parameters, parse_spec};
 use crate::error::Error;
+use crate::free::Freedom;
 use crate::model::Model;
 use crate::points::Points;
+use crate::theta::{euler_of_rotation, rotation_of_euler};
 
 mod grid;
 mod identity;
@@ -24,6 +26,8 @@ pub struct StartContext<'a> {
     pub cost: &'a (dyn Fn(&[f64]) -> f64 + 'a),
     /// Seed for strategies that draw random numbers.
     pub seed: u64,
+    /// What is free where not everything is; whoever asks gives what is fixed its value afterwards.
+    pub freedom: Option<&'a Freedom>,
 }
 
 /// Proposes starts in ambient coordinates, in a fixed order.
@@ -166,11 +170,34 @@ fn screened(context: &StartContext<'_>, proposals: Vec<Proposal>, keep: usize, s
     kept.into_iter().map(|proposal| proposal.theta).collect()
 }
 
-/// Return `count` even rotations in 2 or 3 dimensions, row by row.
-fn rotations(dim: usize, count: usize) -> Vec<Vec<f64>> {
-    if dim == 3 {
-        return rotation_grid(count).into_iter().map(|r| r.to_vec()).collect();
+/// Return about `count` even rotations in 2 or 3 dimensions, row by row: turns about the free angles where not all are.
+fn rotations(dim: usize, count: usize, freedom: Option<&Freedom>) -> Vec<Vec<f64>> {
+    if dim != 3 {
+        let turn = |i: usize| (std::f64::consts::TAU * i as f64 / count as f64).sin_cos();
+        return (0..count).map(turn).map(|(sin, cos)| vec![cos, -sin, sin, cos]).collect();
     }
-    let turn = |i: usize| (std::f64::consts::TAU * i as f64 / count as f64).sin_cos();
-    (0..count).map(turn).map(|(sin, cos)| vec![cos, -sin, sin, cos]).collect()
+    match freedom.and_then(Freedom::turns) {
+        None => rotation_grid(count).into_iter().map(|r| r.to_vec()).collect(),
+        Some((axes, base)) => turns(axes, base, count),
+    }
+}
+
+/// Return the rotations R = Rz Ry Rx whose free angles run over an even grid of about `count` nodes, the others as in `base`.
+fn turns(axes: &[usize], base: &[f64], count: usize) -> Vec<Vec<f64>> {
+    let along = match axes.len() {
+        0 => 1,
+        1 => count.max(1),
+        _ => (count as f64).sqrt().round().max(1.0) as usize,
+    };
+    let angle = |i: usize| std::f64::consts::TAU * i as f64 / along as f64;
+    let mut all = vec![euler_of_rotation(base)];
+    for axis in axes {
+        let turned = |angles: &[f64; 3], i: usize| {
+            let mut angles = *angles;
+            angles[*axis] += angle(i);
+            angles
+        };
+        all = all.iter().flat_map(|angles| (0..along).map(move |i| turned(angles, i))).collect();
+    }
+    all.iter().map(|angles| rotation_of_euler(angles).to_vec()).collect()
 }

@@ -5,9 +5,9 @@ use cfpose_optim::problem::LeastSquares;
 use faer::linalg::matmul::matmul;
 use faer::{Accum, Mat, Par};
 use rand::RngExt;
-use rand::SeedableRng;
-use rand_chacha::ChaCha8Rng;
+use rand_chacha::ChaCha12Rng;
 use rand_distr::StandardNormal;
+use serde::{Deserialize, Serialize};
 use statrs::function::gamma::checked_gamma_ur;
 
 use crate::block::{MapBlock, Row};
@@ -15,6 +15,7 @@ use crate::family::BasisBlock;
 use crate::isa::Isa;
 use crate::points::{BLOCK, Points, PointsError};
 use crate::problem::MomentProblem;
+use crate::streams::stream;
 
 /// Points that the covariance of the features is estimated from, at most: it is needed to a few percent.
 const MAX_SAMPLES: usize = 2048;
@@ -23,7 +24,7 @@ const MAX_SAMPLES: usize = 2048;
 const RANK_TOLERANCE: f64 = 1e-9;
 
 /// Where the randomness of the residual comes from.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Randomness {
     /// Noise of the target in the feature space, not normalised: the covariance, 3 x 3.
     pub noise: [[f64; 3]; 3],
@@ -49,7 +50,7 @@ pub fn feature_covariance(
     seed: u64,
 ) -> Result<Vec<f64>, PointsError> {
     let points = problem.mapped_source(theta)?;
-    let mut rng = ChaCha8Rng::seed_from_u64(seed ^ 0x636f_7661_7269_616e);
+    let mut rng = stream(seed, "covariance");
     let chosen = sample(&points, &mut rng)?;
     // Few points are drawn several times, so that the noise term has its own sample size.
     let repeats = (MAX_SAMPLES / 2 / chosen.len()).clamp(1, 64);
@@ -93,7 +94,7 @@ pub fn feature_covariance(
 }
 
 /// Choose at most [`MAX_SAMPLES`] points: evenly along a curve, else at random.
-fn sample(points: &Points, rng: &mut ChaCha8Rng) -> Result<Points, PointsError> {
+fn sample(points: &Points, rng: &mut ChaCha12Rng) -> Result<Points, PointsError> {
     crate::points::thin(points, MAX_SAMPLES, rng)
 }
 
@@ -124,7 +125,7 @@ fn cholesky3(covariance: &[[f64; 3]; 3], dim: usize) -> [[f64; 3]; 3] {
 }
 
 /// Return the points with noise added.
-fn noisy(points: &Points, root: &[[f64; 3]; 3], rng: &mut ChaCha8Rng) -> Vec<[f64; 3]> {
+fn noisy(points: &Points, root: &[[f64; 3]; 3], rng: &mut ChaCha12Rng) -> Vec<[f64; 3]> {
     let dim = points.dim();
     let draw = |k: usize| {
         let mut x = points.point(k);
@@ -218,11 +219,21 @@ pub(crate) fn of_whitened(problem: &MomentProblem, theta: &[f64], own: usize) ->
 
 /// Return the standard deviation of tangent coordinate `j` of a whitened problem at theta.
 pub(crate) fn deviation(problem: &MomentProblem, theta: &[f64], j: usize) -> Option<f64> {
+    deviation_of(problem, theta, j, &[1.0])
+}
+
+/// Return the standard deviation of a weighted sum of the tangent coordinates from `first` on, of a whitened problem at theta.
+pub(crate) fn deviation_of(problem: &MomentProblem, theta: &[f64], first: usize, weights: &[f64]) -> Option<f64> {
     let (rows, cols) = (problem.num_residuals(), problem.manifold().tangent());
     let (mut residual, mut jacobian) = (vec![0.0; rows], vec![0.0; rows * cols]);
     problem.jacobian(theta, &mut residual, &mut jacobian);
     let report = parameter_covariance(rows, cols, &jacobian, 1.0, RANK_TOLERANCE)?;
-    report.deviations().get(j).copied()
+    if let [_] = weights {
+        return report.deviations().get(first).copied();
+    }
+    let entry = |a: usize, b: usize| weights[a] * report.matrix[(first + a) * cols + first + b] * weights[b];
+    let variance: f64 = (0..weights.len()).flat_map(|a| (0..weights.len()).map(move |b| entry(a, b))).sum();
+    (variance >= 0.0).then(|| variance.sqrt())
 }
 
 /// Return the probability that a chi-square variable with so many degrees of freedom exceeds `value`; 1 without any.

@@ -39,6 +39,11 @@ pub trait Weighting: Send + Sync {
     /// Say when the covariance is computed.
     fn update(&self) -> Update;
 
+    /// Return what is added to the eigenvalues of the covariance, relative to their mean, before it is inverted.
+    fn ridge(&self) -> f64 {
+        0.0
+    }
+
     /// Say whether r'Wr is chi-square where the model holds, so that there is a J statistic and a verdict.
     fn has_statistic(&self) -> bool;
 }

@@ -7,7 +7,7 @@ use cfpose::free::{Frame, find_columns, manifold};
 use cfpose::readout::{assign, correspond};
 use cfpose::theta::{EulerOrder, RotationForm, euler_of_rotation, rotation_of_euler};
 use cfpose::{
-    Attribute, BuildContext, Estimate, Execution, Points, Pose, Prepared, Registry, Settings, Start, Supervision,
+    Attribute, BuildContext, Estimate, Estimator, Execution, Points, Pose, Registry, Settings, Start, Supervision,
 };
 use cfpose_optim::manifold::{Manifold, determinant3, multiply3, rotation_exp, rotation_of_quaternion};
 use rand::seq::SliceRandom;
@@ -36,11 +36,11 @@ fn blob2(count: usize, rng: &mut ChaCha12Rng) -> Vec<[f64; 2]> {
     blob3(count, rng).iter().map(|p| [p[0], p[1]]).collect()
 }
 
-fn run(settings: &Settings, source: &Points, target: &Points) -> (Prepared, Estimate) {
+fn run(settings: &Settings, source: &Points, target: &Points) -> (Estimator, Estimate) {
     let registry = Registry::default();
-    let prepared = Prepared::new(&registry, settings, source, target, &Execution::default()).unwrap();
-    let estimate = prepared.solve(&registry, Supervision::default()).unwrap();
-    (prepared, estimate)
+    let estimator = Estimator::new(&registry, settings, source, target, &Execution::default()).unwrap();
+    let estimate = estimator.solve(Supervision::default()).unwrap();
+    (estimator, estimate)
 }
 
 #[test]
@@ -125,14 +125,14 @@ fn a_ground_robot_moves_in_three_degrees_of_freedom() {
     let free = find_columns(&model.layout, &["yaw", "x", "y"], Frame::Robot).unwrap();
     assert_eq!(free, [1, 3, 5]);
     let settings = Settings {
-        features: "hermite[degree=2]".into(),
-        start: Start::Given(vec![start]),
+        features: Some("hermite[degree=2]".into()),
+        start: Some(Start::Given(vec![start])),
         free: Some(free),
         ..Settings::preset("paper", "plane-bearing").unwrap()
     };
     let (p, q) = (Points::from_rows(&pattern).unwrap(), Points::from_rows(&views).unwrap());
-    let (prepared, estimate) = run(&settings, &p, &q);
-    assert_eq!((prepared.num_unknowns(), estimate.conditioning.rank), (3, 3));
+    let (estimator, estimate) = run(&settings, &p, &q);
+    assert_eq!((estimator.num_unknowns(), estimate.conditioning.rank), (3, 3));
     let error = estimate.theta.iter().zip(&truth).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
     assert!(error < 1e-8, "{error}");
     assert!((euler_of_rotation(&estimate.theta)[0] - 0.1).abs() < 1e-12);
@@ -191,9 +191,9 @@ fn start_strategies_find_any_map_of_their_group() {
             let moved = (0..dim).map(|i| order.iter().map(|k| image(i, *k)).collect()).collect();
             let target = Points::from_columns(moved).unwrap();
             let settings = Settings {
-                features: "hermite[degree=4]".into(),
+                features: Some("hermite[degree=4]".into()),
                 normaliser: Some("whiten".into()),
-                start: Start::Named(start.into()),
+                start: Some(Start::Named(start.into())),
                 ..Settings::preset("paper", name).unwrap()
             };
             let (_, estimate) = run(&settings, &source, &target);
@@ -212,8 +212,8 @@ fn a_grid_of_rotations_finds_the_pose_of_rays_without_a_start() {
         let truth = Pose { rotation, translation: [0.2, -0.3, 2.0] };
         let rays: Vec<[f64; 3]> = rows.iter().map(|p| truth.apply(*p)).collect();
         let settings = Settings {
-            features: "hermite[degree=4]".into(),
-            start: Start::Named("grid[count=300,keep=10]".into()),
+            features: Some("hermite[degree=4]".into()),
+            start: Some(Start::Named("grid[count=300,keep=10]".into())),
             ..Settings::preset("paper", "bearing3").unwrap()
         };
         let (source, target) = (Points::from_rows(&rows).unwrap(), Points::from_rows(&rays).unwrap());
@@ -255,12 +255,12 @@ fn a_surface_seen_with_its_normals_weights_points_as_its_image_does() {
         let mut start = truth.rotation.to_vec();
         start.extend(truth.translation);
         let settings = Settings {
-            features: "hermite[degree=4]".into(),
-            start: Start::Given(vec![start]),
+            features: Some("hermite[degree=4]".into()),
+            start: Some(Start::Given(vec![start])),
             ..Settings::preset("paper", model).unwrap()
         };
-        let (prepared, estimate) = run(&settings, &source, &target);
-        let pose = Pose::of_theta(&prepared.model.layout, &estimate.theta).unwrap();
+        let (estimator, estimate) = run(&settings, &source, &target);
+        let pose = Pose::of_theta(&estimator.model().layout, &estimate.theta).unwrap();
         errors.push(cfpose::PoseError::between(&pose, &truth).total());
     }
     println!("pose errors with area, without, with area on the sphere: {errors:?}");
@@ -326,13 +326,13 @@ fn homographies_and_splines_start_from_affine_maps() {
             let mut images: Vec<[f64; 2]> = rows.iter().map(|p| cfpose::homography::apply(&truth, *p)).collect();
             images.shuffle(&mut rng);
             let settings = Settings {
-                features: features.into(),
-                start: Start::Named("whitened-affine".into()),
+                features: Some(features.into()),
+                start: Some(Start::Named("whitened-affine".into())),
                 ..Settings::preset("paper", model).unwrap()
             };
             let (source, target) = (Points::from_rows(&rows).unwrap(), Points::from_rows(&images).unwrap());
-            let (prepared, estimate) = run(&settings, &source, &target);
-            let h = prepared.homography(&estimate.theta).unwrap();
+            let (estimator, estimate) = run(&settings, &source, &target);
+            let h = estimator.homography(&estimate.theta).unwrap();
             let found = cfpose::homography::in_file_units(&h, None, None).unwrap();
             let error = (0..9).map(|i| (found[i] - truth[i]).abs()).fold(0.0, f64::max);
             assert!(error < 1e-7, "{model}, seed {seed}: {error}, cost {:.1e}", estimate.outcome.cost);
@@ -343,13 +343,13 @@ fn homographies_and_splines_start_from_affine_maps() {
     let moved: Vec<[f64; 2]> =
         rows.iter().rev().map(|p| [0.3 * p[0] - 1.1 * p[1] + 2.0, 0.9 * p[0] + 0.2 * p[1]]).collect();
     let settings = Settings {
-        features: "hermite[degree=4]".into(),
-        start: Start::Named("whitened-affine".into()),
+        features: Some("hermite[degree=4]".into()),
+        start: Some(Start::Named("whitened-affine".into())),
         ..Settings::preset("paper", "thin-plate2[grid=4,bending=0.01]").unwrap()
     };
     let (source, target) = (Points::from_rows(&rows).unwrap(), Points::from_rows(&moved).unwrap());
-    let (prepared, estimate) = run(&settings, &source, &target);
-    let found = prepared.matches(&estimate.theta, None).unwrap();
+    let (estimator, estimate) = run(&settings, &source, &target);
+    let found = estimator.matches(&estimate.theta, None).unwrap();
     assert!(found.max < 1e-7 && found.one_to_one, "{} {:?}", found.max, estimate.warnings);
     assert_eq!(estimate.conditioning.rank, 32);
 }

@@ -3,7 +3,7 @@
 use cfpose::homography::decompose;
 use cfpose::theta::{RotationForm, rotation_of_euler};
 use cfpose::{
-    BuildContext, Estimate, Execution, Points, Pose, Prepared, Registry, Scene, Settings, Start, Supervision,
+    BuildContext, Estimate, Estimator, Execution, Points, Pose, Registry, Scene, Settings, Start, Supervision,
 };
 use rand::seq::SliceRandom;
 use rand::{RngExt, SeedableRng};
@@ -28,12 +28,12 @@ fn solve<const P: usize, const Q: usize>(
     let layout = registry.model(model, &context).unwrap().layout;
     let start = layout.from_list(start, RotationForm::Euler).unwrap();
     let settings = Settings {
-        features: features.into(),
-        start: Start::Given(vec![start]),
+        features: Some(features.into()),
+        start: Some(Start::Given(vec![start])),
         ..Settings::preset("paper", model).unwrap()
     };
-    let prepared = Prepared::new(&registry, &settings, &source, &target, &Execution::default()).unwrap();
-    let estimate = prepared.solve(&registry, Supervision::default()).unwrap();
+    let estimator = Estimator::new(&registry, &settings, &source, &target, &Execution::default()).unwrap();
+    let estimate = estimator.solve(Supervision::default()).unwrap();
     let list = layout.to_list(&estimate.theta, RotationForm::Euler);
     (estimate, list)
 }
@@ -266,7 +266,7 @@ fn a_model_that_reads_normals_asks_for_them() {
     let registry = Registry::default();
     let cloud = Points::from_rows(&rings(&[2.0, 2.5])).unwrap();
     let settings = Settings::preset("paper", "bearing3[area=on]").unwrap();
-    let error = Prepared::new(&registry, &settings, &cloud, &cloud, &Execution::default()).err().unwrap();
+    let error = Estimator::new(&registry, &settings, &cloud, &cloud, &Execution::default()).err().unwrap();
     let expected = "model `bearing3[area=on]` needs the attribute `normal` of every source point";
     assert_eq!(error.to_string(), expected);
 }

@@ -1,7 +1,7 @@
 //! Two views of a general scene: the share of starts that find the motion, and the ways to keep norm(T) = 1.
 
 use cfpose::theta::{RotationForm, rotation_of_euler};
-use cfpose::{BuildContext, Execution, Points, Pose, PoseError, Prepared, Registry, Settings, Start, Supervision};
+use cfpose::{BuildContext, Estimator, Execution, Points, Pose, PoseError, Registry, Settings, Start, Supervision};
 use rand::seq::SliceRandom;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha12Rng;
@@ -45,13 +45,13 @@ fn successes(model: &str, features: &str, solver: &str, b: f64, trials: u64) -> 
     let found = |seed: u64| {
         let Trial { source, target, truth, start } = trial(b, seed);
         let settings = Settings {
-            features: features.into(),
-            solver: solver.into(),
-            start: Start::Given(vec![layout.from_list(&start, RotationForm::Vector).unwrap()]),
+            features: Some(features.into()),
+            solver: Some(solver.into()),
+            start: Some(Start::Given(vec![layout.from_list(&start, RotationForm::Vector).unwrap()])),
             ..Settings::preset("paper", model).unwrap()
         };
-        let prepared = Prepared::new(&registry, &settings, &source, &target, &Execution::default()).unwrap();
-        let estimate = prepared.solve(&registry, Supervision::default()).unwrap();
+        let estimator = Estimator::new(&registry, &settings, &source, &target, &Execution::default()).unwrap();
+        let estimate = estimator.solve(Supervision::default()).unwrap();
         let pose = Pose::of_theta(&layout, &estimate.theta).unwrap();
         usize::from(estimate.usable() && PoseError::between(&pose, &truth).total() < 1e-3)
     };
@@ -118,13 +118,13 @@ fn epipolar_successes(features: &str, trials: u64) -> usize {
         start.iter_mut().for_each(|value| *value += 0.1 * Distribution::<f64>::sample(&StandardNormal, &mut rng));
         let start = model.layout.from_list(&start, RotationForm::Vector).unwrap();
         let settings = Settings {
-            features: features.into(),
-            start: Start::Given(vec![start]),
+            features: Some(features.into()),
+            start: Some(Start::Given(vec![start])),
             ..Settings::preset("paper", "epipolar").unwrap()
         };
         let (p, q) = (Points::from_rows(&p).unwrap(), Points::from_rows(&q).unwrap());
-        let prepared = Prepared::new(&registry, &settings, &p, &q, &Execution::default()).unwrap();
-        let estimate = prepared.solve(&registry, Supervision::default()).unwrap();
+        let estimator = Estimator::new(&registry, &settings, &p, &q, &Execution::default()).unwrap();
+        let estimate = estimator.solve(Supervision::default()).unwrap();
         let error = |theta: &[f64]| PoseError::between(&Pose::of_theta(&model.layout, theta).unwrap(), &pose).total();
         // Positive depth decides the sign of T, or the other sign is listed.
         let listed = estimate.alternatives.iter().map(|alternative| error(&alternative.theta));

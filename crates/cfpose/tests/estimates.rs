@@ -1,7 +1,7 @@
 //! Estimates whose answer is known.
 
 use cfpose::theta::RotationForm;
-use cfpose::{Execution, Points, Pose, PoseError, Prepared, Registry, Settings, Start, Supervision};
+use cfpose::{Estimator, Execution, Points, Pose, PoseError, Registry, Settings, Start, Supervision};
 use cfpose_optim::manifold::rotation_of_quaternion;
 use rand::seq::SliceRandom;
 use rand::{RngExt, SeedableRng};
@@ -28,11 +28,11 @@ fn random_pose(rng: &mut ChaCha12Rng) -> Pose {
     Pose { rotation: rotation_of_quaternion(&q), translation }
 }
 
-fn solve(settings: &Settings, source: &Points, target: &Points) -> (Prepared, cfpose::Estimate) {
+fn solve(settings: &Settings, source: &Points, target: &Points) -> (Estimator, cfpose::Estimate) {
     let registry = Registry::default();
-    let prepared = Prepared::new(&registry, settings, source, target, &Execution::default()).unwrap();
-    let estimate = prepared.solve(&registry, Supervision::default()).unwrap();
-    (prepared, estimate)
+    let estimator = Estimator::new(&registry, settings, source, target, &Execution::default()).unwrap();
+    let estimate = estimator.solve(Supervision::default()).unwrap();
+    (estimator, estimate)
 }
 
 #[test]
@@ -40,10 +40,10 @@ fn motivation_example_gives_gain_one_and_the_printed_correspondence() {
     let p = Points::from_rows(&[[1.0], [2.0], [3.0], [4.0]]).unwrap();
     let q = Points::from_rows(&[[2.0], [3.0], [1.0], [4.0]]).unwrap();
     for features in ["coordinates", "trig18", "hermite"] {
-        let settings = Settings { features: features.into(), ..Settings::preset("paper", "gain1").unwrap() };
-        let (prepared, estimate) = solve(&settings, &p, &q);
+        let settings = Settings { features: Some(features.into()), ..Settings::preset("paper", "gain1").unwrap() };
+        let (estimator, estimate) = solve(&settings, &p, &q);
         assert!((estimate.theta[0] - 1.0).abs() < 1e-9, "{features}: {:?}", estimate.theta);
-        let c: Vec<usize> = prepared.correspondence(&estimate.theta).unwrap().iter().map(|k| k + 1).collect();
+        let c: Vec<usize> = estimator.correspondence(&estimate.theta).unwrap().iter().map(|k| k + 1).collect();
         assert_eq!(c, vec![3, 1, 2, 4]);
     }
 }
@@ -58,12 +58,12 @@ fn rigid3_recovers_any_rotation_of_a_permuted_cloud_from_principal_axes() {
         moved.shuffle(&mut rng);
         let (p, q) = (Points::from_rows(&rows).unwrap(), Points::from_rows(&moved).unwrap());
         let settings = Settings {
-            features: "hermite[degree=3]".into(),
-            start: Start::Named("pca".into()),
+            features: Some("hermite[degree=3]".into()),
+            start: Some(Start::Named("pca".into())),
             ..Settings::preset("paper", "rigid3").unwrap()
         };
-        let (prepared, estimate) = solve(&settings, &p, &q);
-        let pose = Pose::of_theta(&prepared.model.layout, &estimate.theta).unwrap();
+        let (estimator, estimate) = solve(&settings, &p, &q);
+        let pose = Pose::of_theta(&estimator.model().layout, &estimate.theta).unwrap();
         let degrees = PoseError::between(&pose, &truth).angle.to_degrees();
         assert!(degrees < 1e-6, "seed {seed}: {degrees} degrees, {:?}", estimate.outcome.status);
         assert!(estimate.usable() && estimate.starts == 4);
@@ -93,7 +93,7 @@ fn epipolar_returns_the_truth_with_the_sign_of_positive_depth() {
         let start_list: Vec<f64> =
             truth_list.iter().enumerate().map(|(j, v)| v + 0.008 * if j % 2 == 0 { 1.0 } else { -1.0 }).collect();
         let start = model.layout.from_list(&start_list, RotationForm::Vector).unwrap();
-        let settings = Settings { start: Start::Given(vec![start]), ..settings };
+        let settings = Settings { start: Some(Start::Given(vec![start])), ..settings };
         let (p, q) = (Points::from_rows(&p).unwrap(), Points::from_rows(&q).unwrap());
         let (_, estimate) = solve(&settings, &p, &q);
         let distance = |theta: &[f64]| theta.iter().zip(&truth).fold(0.0_f64, |a, (x, y)| a.max((x - y).abs()));
@@ -108,10 +108,10 @@ fn too_few_features_and_wrong_dimensions_are_errors_in_one_line() {
     let registry = Registry::default();
     let cube = Points::from_rows(&[[0.0, 0.0, 0.0], [1.0, 0.2, 0.0], [0.0, 1.0, 0.4]]).unwrap();
     let plane = Points::from_rows(&[[0.0, 0.0], [1.0, 0.2], [0.0, 1.0]]).unwrap();
-    let settings = Settings { features: "coordinates".into(), ..Settings::preset("paper", "rigid3").unwrap() };
+    let settings = Settings { features: Some("coordinates".into()), ..Settings::preset("paper", "rigid3").unwrap() };
     let run = |settings: &Settings, p: &Points, q: &Points| {
-        let prepared = Prepared::new(&registry, settings, p, q, &Execution::default());
-        prepared.and_then(|prepared| prepared.solve(&registry, Supervision::default())).err().unwrap().to_string()
+        let estimator = Estimator::new(&registry, settings, p, q, &Execution::default());
+        estimator.and_then(|estimator| estimator.solve(Supervision::default())).err().unwrap().to_string()
     };
     assert_eq!(
         run(&settings, &cube, &cube),
@@ -120,6 +120,6 @@ fn too_few_features_and_wrong_dimensions_are_errors_in_one_line() {
     assert_eq!(run(&settings, &plane, &cube), "source points have 2 coordinates, model `rigid3` takes 3");
     let equal = Points::from_rows(&[[1.0, 1.0, 1.0]; 5]).unwrap();
     assert_eq!(run(&settings, &cube, &equal), "target points: only 1 distinct point(s); an estimate needs at least 2");
-    let settings = Settings { features: "trig19".into(), ..settings };
+    let settings = Settings { features: Some("trig19".into()), ..settings };
     assert!(run(&settings, &cube, &cube).contains("did you mean trig18?"));
 }

@@ -195,7 +195,7 @@ fn j_noise_and_covariance_are_calibrated() {
     for seed in 0..DRAWS as u64 {
         let (source, target, truth) = moved_pair(500, Sampling::Same, SIGMA, 100 + seed);
         let settings = Settings {
-            start: Start::Given(vec![near(&truth)]),
+            start: Some(Start::Given(vec![near(&truth)])),
             seed,
             sampling: Some(Sampling::Same),
             ..Settings::preset("auto", "rigid3").unwrap()
@@ -242,7 +242,7 @@ fn weightings_differ_as_they_should() {
             let mut pipeline = only(name);
             pipeline.stages[0].noise = cfpose::estimator::NoiseModel::Isotropic;
             let settings = Settings {
-                start: Start::Given(vec![near(&truth)]),
+                start: Some(Start::Given(vec![near(&truth)])),
                 sampling: Some(Sampling::Independent),
                 pipeline: Some(pipeline),
                 ..Settings::preset("auto", "rigid3").unwrap()
@@ -272,17 +272,17 @@ fn only(weighting: &str) -> cfpose::estimator::Pipeline {
 fn the_continuously_updated_estimate_minimises_its_own_function() {
     let (source, target, truth) = moved_pair(1500, Sampling::Independent, 0.005, 7);
     let settings = |weighting: &str| Settings {
-        features: "hermite[degree=3]".to_string(),
-        weighting: weighting.to_string(),
-        start: Start::Given(vec![near(&truth)]),
+        features: Some("hermite[degree=3]".to_string()),
+        weighting: Some(weighting.to_string()),
+        start: Some(Start::Given(vec![near(&truth)])),
         sampling: Some(Sampling::Independent),
         seed: 3,
         ..Settings::preset("paper", "rigid3").unwrap()
     };
     let registry = Registry::default();
     let given = settings("continuously-updated");
-    let prepared = cfpose::Prepared::new(&registry, &given, &source, &target, &Execution::default()).unwrap();
-    let estimate = prepared.solve(&registry, cfpose::Supervision::default()).unwrap();
+    let estimator = cfpose::Estimator::new(&registry, &given, &source, &target, &Execution::default()).unwrap();
+    let estimate = estimator.solve(cfpose::Supervision::default()).unwrap();
     let two_step = solve(&settings("two-step"), &source, &target);
     let statistics = estimate.statistics.as_ref().unwrap();
     let deviations: Vec<f64> = (0..6).map(|j| statistics.covariance[7 * j].sqrt()).collect();
@@ -293,7 +293,7 @@ fn the_continuously_updated_estimate_minimises_its_own_function() {
     (0..3).for_each(|d| noise[d][d] = variance);
     let randomness = Randomness { noise, kappa: statistics.kappa, num_target: target.len() as f64 };
     assert_eq!(statistics.kappa, 2.0 / 1500.0);
-    let problem = &prepared.problem;
+    let problem = &estimator.problem();
     let objective = |theta: &[f64], at: &[f64]| {
         let size = problem.num_features();
         let mut s = square(size, &feature_covariance(problem, at, &randomness, given.seed).unwrap());

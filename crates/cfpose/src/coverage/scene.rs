@@ -10,14 +10,13 @@ use super::significance;
 use crate::block::{DynMap, LiftedPoints, MapBlock, Row, Transform};
 use crate::entry::{BuildContext, Registry};
 use crate::error::Error;
-use crate::estimator::{adapt, transform_points};
 use crate::family::{BasisBlock, DynFamily};
 use crate::gram::{coefficient_matrix, gradient_rows};
 use crate::isa::Isa;
 use crate::means::Execution;
 use crate::model::Model;
 use crate::points::{BLOCK, Points};
-use crate::problem::map_points;
+use crate::problem::{adapt, map_points, transformed};
 
 /// The points under the model at one theta: everything but the family.
 pub(super) struct Scene {
@@ -36,16 +35,17 @@ pub(super) struct Scene {
 impl Scene {
     pub fn new(registry: &Registry, name: &str, points: &Points) -> Result<Self, Error> {
         let model = Arc::new(registry.model(name, &BuildContext::default())?);
-        let source = model.source.lift(&adapt("source", name, model.source_points, points)?);
+        let points = Arc::new(points.clone());
+        let source = model.source.lift(adapt("source", name, model.source_points, &points)?.as_ref());
         let theta = model.typical.clone();
         let error = |problem| Error::Points { side: "source", problem };
         let mapped = map_points(model.source.as_ref(), &source, &theta, &Execution::default()).map_err(error)?;
         let normaliser = registry.normaliser(model.normaliser.unwrap_or("paper"))?;
         let transform = normaliser.fit(&mapped)?;
-        let normalised = transform_points(&mapped, &transform).map_err(error)?;
+        let normalised = transformed(&mapped, &transform).map_err(error)?;
         // Only a target that moves with theta has a share in J; it is the same points then.
         let target = match model.target.is_moving() {
-            true => model.target.map().lift(&adapt("target", name, model.target_points, points)?),
+            true => model.target.map().lift(adapt("target", name, model.target_points, &points)?.as_ref()),
             false => LiftedPoints { len: 0, columns: Vec::new(), weights: Vec::new() },
         };
         let manifold = model.layout.manifold();

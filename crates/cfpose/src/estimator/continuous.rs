@@ -5,7 +5,8 @@ use cfpose_optim::problem::{Capabilities, LeastSquares};
 
 use faer::{Mat, Side};
 
-use super::level::Level;
+use super::Parts;
+use super::stage::ReadyStage;
 use crate::statistics::{Randomness, feature_covariance};
 
 /// Step of the central differences of S along a tangent direction: S is smooth, and needed to a few digits.
@@ -16,31 +17,36 @@ const STEP: f64 = 1e-4;
 /// Differs from the source: dS/dtheta is taken by central differences with the random draws held fixed; everything else of
 /// the Jacobian is exact, d(L^-1 r) = L^-1 (dr - dL L^-1 r), dL = L phi(L^-1 dS L^-T), phi the lower triangle with half the diagonal.
 pub(super) struct Continuous<'a> {
-    level: &'a Level,
+    stage: &'a ReadyStage,
     randomness: Randomness,
-    ridge: f64,
-    seed: u64,
+    parts: &'a Parts,
 }
 
 impl<'a> Continuous<'a> {
-    pub fn new(level: &'a Level, randomness: Randomness, seed: u64) -> Self {
-        Self { level, randomness, ridge: 1e-7, seed }
+    /// Let the weighting of a stage follow theta; `randomness` serves where the noise is not modelled.
+    pub fn new(stage: &'a ReadyStage, randomness: Randomness, parts: &'a Parts) -> Self {
+        Self { stage, randomness, parts }
     }
 
-    /// Return S at theta, regularised.
+    /// Return the randomness that S is computed from at theta.
+    pub fn randomness(&self, theta: &[f64]) -> Randomness {
+        let noise = self.stage.noise(theta, self.parts).unwrap_or(self.randomness.noise);
+        Randomness { noise, ..self.randomness }
+    }
+
+    /// Return S at theta, regularised as the weighting does it.
     fn covariance(&self, theta: &[f64]) -> Option<Mat<f64>> {
-        let noise = self.level.noise(theta).unwrap_or(self.randomness.noise);
-        let randomness = Randomness { noise, ..self.randomness };
-        let s = feature_covariance(&self.level.problem, theta, &randomness, self.seed).ok()?;
-        let n = self.level.problem.num_features();
-        let ridge = self.ridge * (0..n).map(|i| s[i * n + i]).sum::<f64>() / n as f64;
+        let (randomness, seed) = (self.randomness(theta), self.parts.settings.seed);
+        let s = feature_covariance(&self.stage.problem, theta, &randomness, seed).ok()?;
+        let n = self.stage.problem.num_features();
+        let ridge = self.stage.weighting.ridge() * (0..n).map(|i| s[i * n + i]).sum::<f64>() / n as f64;
         Some(Mat::from_fn(n, n, |i, j| s[i * n + j] + if i == j { ridge } else { 0.0 }))
     }
 
     /// Return the weighted residual, extra rows as they are, and where wanted its Jacobian.
     fn evaluate(&self, theta: &[f64], derivatives: bool) -> Option<(Vec<f64>, Vec<f64>)> {
-        let (residual, jacobian) = self.level.problem.unweighted(theta, derivatives);
-        let (n, m) = (self.level.problem.num_features(), if derivatives { self.manifold().tangent() } else { 0 });
+        let (residual, jacobian) = self.stage.problem.unweighted(theta, derivatives);
+        let (n, m) = (self.stage.problem.num_features(), if derivatives { self.manifold().tangent() } else { 0 });
         let factor = self.covariance(theta)?.llt(Side::Lower).ok()?;
         let lower = factor.L().to_owned();
         let forward = |rhs: &Mat<f64>| {
@@ -55,7 +61,7 @@ impl<'a> Continuous<'a> {
             let mut at = |sign: f64| {
                 let mut step = vec![0.0; m];
                 step[j] =
-                    sign * STEP * if j >= self.level.own_tangent() { theta[theta.len() - m + j].abs() } else { 1.0 };
+                    sign * STEP * if j >= self.stage.own_tangent() { theta[theta.len() - m + j].abs() } else { 1.0 };
                 self.manifold().retract(theta, &step, &mut moved);
                 (self.covariance(&moved), step[j])
             };
@@ -80,11 +86,11 @@ impl<'a> Continuous<'a> {
 
 impl LeastSquares for Continuous<'_> {
     fn manifold(&self) -> &dyn Manifold {
-        self.level.problem.manifold()
+        self.stage.problem.manifold()
     }
 
     fn num_residuals(&self) -> usize {
-        self.level.problem.num_unweighted()
+        self.stage.problem.num_unweighted()
     }
 
     fn residual(&self, theta: &[f64], residual: &mut [f64]) {

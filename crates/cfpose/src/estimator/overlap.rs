@@ -4,32 +4,24 @@
 //! partner; then soft weights on both sides (here 0 or 1), the last stages on what overlaps, and again. The verdict stays
 //! `suspect`: the data do not say what the missing part looked like.
 
-use rand::SeedableRng;
-use rand_chacha::ChaCha8Rng;
-
 use super::Supervision;
-use super::engine::Engine;
-use super::level::Ingredients;
-use super::pipeline::Pipeline;
-use super::repair::Robust;
+use super::candidate::PointFit;
+use super::search::Search;
+use super::stage::of_side;
 use crate::error::Error;
 use crate::model::LinearKind;
 use crate::neighbours::Neighbours;
 use crate::points::thin;
-use crate::robust::closest_point::{self, ClosestPoint};
+use crate::robust::closest_point;
 use crate::robust::{Mover, spacing};
-use crate::start::StartContext;
+use crate::streams::stream;
 
-/// Starts of the search.
-const GRID: &str = "grid[count=160]";
-/// Points of the search: source, target.
-const COARSE: [usize; 2] = [600, 250];
-/// Candidates that are refined with all points.
-const FINALISTS: usize = 6;
-/// A point has a partner within so many spacings.
-const REACH: f64 = 1.5;
-/// Rounds of weights and re-estimation.
-const ROUNDS: usize = 2;
+/// A pose of partial overlap.
+pub(super) struct PartialFit {
+    pub fit: PointFit,
+    /// Share of the target points without a partner.
+    pub clutter: f64,
+}
 
 /// Which points of both sides have a partner.
 struct Overlap {
@@ -44,63 +36,58 @@ impl Overlap {
     }
 }
 
-impl Engine<'_> {
+impl Search<'_> {
     /// Search for a pose at which as many points as possible of both sides have partners; `theta` is the best so far.
     ///
     /// `None` for models without a rotation to search, and where nothing better is found.
-    pub fn by_overlap(&mut self, theta: &[f64], supervision: &mut Supervision<'_>) -> Result<Option<Robust>, Error> {
-        let level = self.last();
-        let rotates = level.model.linear.as_ref().is_some_and(|group| group.kind != LinearKind::General);
+    pub fn by_overlap(
+        &mut self,
+        theta: &[f64],
+        supervision: &mut Supervision<'_>,
+    ) -> Result<Option<PartialFit>, Error> {
+        let stage = self.last();
+        let rotates = stage.model().linear.as_ref().is_some_and(|group| group.kind != LinearKind::General);
         // Indices of the stage must be those of the files.
-        let whole = level.mapped_target.len() == self.ingredients.target.len();
+        let whole = stage.sides.mapped_target.len() == self.stages.data.target.len();
         if !rotates || !whole {
             return Ok(None);
         }
-        let sizes = [level.all_source.len(), level.mapped_target.len()];
+        let sizes = [stage.all_source.len(), stage.sides.mapped_target.len()];
         let before = self.overlap(theta)?.share(sizes);
-        let mut best: Option<(f64, ClosestPoint)> = None;
+        let mut best: Option<(f64, PointFit)> = None;
         for candidate in self.finalists()? {
-            let Some(fit) = level.refined(&candidate) else { continue };
+            let Some(fit) = stage.by_closest_points(&candidate, self.parts) else { continue };
             let share = self.overlap(&fit.theta)?.share(sizes);
             if best.as_ref().is_none_or(|(other, _)| share > *other) {
-                best = Some((share, fit));
+                best = Some((share, PointFit::of(fit, "closest points of partial overlap")));
             }
         }
-        let Some((mut share, fit)) = best.filter(|(share, _)| *share > 1.02 * before) else { return Ok(None) };
-        let mut robust = Robust { theta: fit.theta, sigma: fit.rms, covariance: fit.covariance, clutter: 0.0 };
-        for _ in 0..ROUNDS {
-            let Some(moved) = self.on_overlap(&robust.theta, supervision)? else { break };
-            let Some(fit) = self.last().refined(&moved) else { break };
-            let reached = self.overlap(&fit.theta)?.share(sizes);
+        let gain = self.parts.criteria.overlap_gain;
+        let Some((mut share, mut fit)) = best.filter(|(share, _)| *share > gain * before) else { return Ok(None) };
+        // Alternate: the means of what overlaps, then closest points, while more points find a partner.
+        for _ in 0..self.parts.criteria.overlap_rounds {
+            let Some(moved) = self.on_overlap(&fit.theta, supervision)? else { break };
+            let Some(next) = stage.by_closest_points(&moved, self.parts) else { break };
+            let reached = self.overlap(&next.theta)?.share(sizes);
             if reached <= share {
                 break;
             }
             share = reached;
-            robust = Robust { theta: fit.theta, sigma: fit.rms, covariance: fit.covariance, clutter: 0.0 };
+            fit = PointFit::of(next, "closest points of partial overlap");
         }
-        robust.clutter = 1.0 - self.overlap(&robust.theta)?.target.len() as f64 / sizes[1] as f64;
-        Ok(Some(robust))
+        let clutter = 1.0 - self.overlap(&fit.theta)?.target.len() as f64 / sizes[1] as f64;
+        Ok(Some(PartialFit { fit, clutter }))
     }
 
     /// Return the best thetas of trimmed closest points from the grid.
     fn finalists(&self) -> Result<Vec<Vec<f64>>, Error> {
-        let level = self.last();
-        let cost = |_: &[f64]| 0.0;
-        let seed = self.ingredients.settings.seed;
-        let context = StartContext {
-            model: &level.model,
-            source: &level.all_source,
-            target: &level.mapped_target,
-            cost: &cost,
-            seed,
-        };
-        let starts = self.ingredients.registry.start(GRID)?.starts(&context)?;
-        let mut rng = ChaCha8Rng::seed_from_u64(seed ^ 0x6f76_6572_6c61_7000);
-        let source = thin(&level.all_source, COARSE[0], &mut rng)
-            .map_err(|problem| Error::Points { side: "source", problem })?;
-        let target = thin(&level.mapped_target, COARSE[1], &mut rng)
-            .map_err(|problem| Error::Points { side: "target", problem })?;
-        let (mover, target) = (Mover::new(&level.problem, &source), target.rows());
+        let (stage, criteria) = (self.last(), &self.parts.criteria);
+        let starts = self.proposals(&format!("grid[count={}]", criteria.overlap_starts), stage)?;
+        let mut rng = stream(self.parts.settings.seed, "overlap");
+        let [num_source, num_target] = criteria.overlap_points;
+        let source = thin(&stage.all_source, num_source, &mut rng).map_err(of_side("source"))?;
+        let target = thin(&stage.sides.mapped_target, num_target, &mut rng).map_err(of_side("target"))?;
+        let (mover, target) = (Mover::new(&stage.problem, &source), target.rows());
         let options = closest_point::Options {
             max_iterations: 10,
             cut: 5.0,
@@ -110,7 +97,8 @@ impl Engine<'_> {
         };
         let mut scored: Vec<(f64, Vec<f64>)> = Vec::new();
         for start in starts {
-            let Some(fit) = closest_point::refine(&mover, &target, &level.adopt(&start), &options) else { continue };
+            let origin = stage.adopt(&start, self.parts);
+            let Some(fit) = closest_point::refine(&mover, &target, &origin, &options) else { continue };
             let tree = Neighbours::new(mover.map(&fit.theta, false).x, mover.dim());
             let mut squared: Vec<f64> = target.iter().map(|q| tree.nearest(q).squared).collect();
             squared.sort_by(f64::total_cmp);
@@ -120,7 +108,7 @@ impl Engine<'_> {
         scored.sort_by(|a, b| a.0.total_cmp(&b.0));
         let mut kept: Vec<Vec<f64>> = Vec::new();
         for (_, theta) in scored {
-            if kept.len() < FINALISTS && kept.iter().all(|other| self.distance(other, &theta) > 0.1) {
+            if kept.len() < criteria.overlap_finalists && kept.iter().all(|other| !self.is_same(other, &theta)) {
                 kept.push(theta);
             }
         }
@@ -129,33 +117,26 @@ impl Engine<'_> {
 
     /// Return the points of both sides that have a partner at theta.
     fn overlap(&self, theta: &[f64]) -> Result<Overlap, Error> {
-        let level = self.last();
-        let source = level.mapped_source(theta)?.rows();
-        let target = level.mapped_target.rows();
-        let dim = level.model.dim();
-        let mapped = Mover::new(&level.problem, &level.all_source).map(theta, false);
-        let reach = (REACH * spacing(&mapped)).powi(2);
-        let (on_source, on_target) = (Neighbours::new(source, dim), Neighbours::new(target, dim));
+        let stage = self.last();
+        let source = stage.mapped_source(theta)?.rows();
+        let dim = stage.model().dim();
+        let reach = (self.parts.criteria.overlap_reach * spacing(&stage.mover().map(theta, false))).powi(2);
+        let (on_source, on_target) = (Neighbours::new(source, dim), stage.target_tree());
         let partners = |rows: &[[f64; 3]], tree: &Neighbours| -> Vec<usize> {
             (0..rows.len()).filter(|k| tree.nearest(&rows[*k]).squared <= reach).collect()
         };
-        Ok(Overlap { source: partners(on_source.rows(), &on_target), target: partners(on_target.rows(), &on_source) })
+        Ok(Overlap { source: partners(on_source.rows(), on_target), target: partners(on_target.rows(), &on_source) })
     }
 
     /// Run the last stages on the points that overlap at theta.
     fn on_overlap(&mut self, theta: &[f64], supervision: &mut Supervision<'_>) -> Result<Option<Vec<f64>>, Error> {
         let overlap = self.overlap(theta)?;
-        let (source, target) =
-            match (self.ingredients.source.select(&overlap.source), self.ingredients.target.select(&overlap.target)) {
-                (Ok(source), Ok(target)) if source.len() > 10 && target.len() > 10 => (source, target),
-                _ => return Ok(None),
-            };
-        let ingredients = Ingredients { source: &source, target: &target, ..self.ingredients };
+        let data = match self.stages.data.keep(Some(&overlap.source), Some(&overlap.target)) {
+            Ok(data) if data.source.len() > 10 && data.target.len() > 10 => data,
+            _ => return Ok(None),
+        };
         let first = self.first_on_final_model();
-        let pipeline = Pipeline { stages: self.pipeline.stages[first..].to_vec(), ..self.pipeline.clone() };
-        let mut engine = Engine::new(ingredients, &pipeline)?;
-        let hypothesis = engine.climb(0, theta, supervision)?;
-        self.absorb(first, &engine);
-        Ok(hypothesis.map(|h| h.solved.theta))
+        let candidate = self.on_part(data, first, theta, supervision)?;
+        Ok(candidate.map(|candidate| candidate.theta))
     }
 }

@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::criteria::Criteria;
 use crate::problem::Noise;
 
 /// How the noise of the target enters a stage.
@@ -150,6 +151,9 @@ pub struct Pipeline {
     /// Look for partial overlap when nothing else explains the data.
     #[serde(default)]
     pub overlap: bool,
+    /// Every threshold that decides.
+    #[serde(default)]
+    pub criteria: Criteria,
 }
 
 fn three() -> f64 {
@@ -170,6 +174,7 @@ impl Pipeline {
             outliers: Outliers::None,
             refine_below: 0.0,
             overlap: false,
+            criteria: Criteria::default(),
         }
     }
 }

@@ -5,57 +5,43 @@
 
 use cfpose_optim::manifold::norm;
 use cfpose_optim::problem::LeastSquares;
-use cfpose_optim::{Outcome, SolveError};
-use rand::SeedableRng;
-use rand_chacha::ChaCha8Rng;
 
-use super::level::Level;
+use super::solve::Runner;
+use super::stage::{ReadyStage, of_side};
 use crate::error::Error;
 use crate::points::thin;
 use crate::problem::MomentProblem;
 use crate::robust::invert;
 use crate::statistics::{Randomness, feature_covariance};
+use crate::streams::stream;
 
-/// Points of the first subset.
-const FIRST: usize = 256;
-/// Growth from one subset to the next.
-const GROWTH: [f64; 2] = [4.0, 64.0];
-
-/// Solves a problem from a theta.
-pub(super) type Run<'a> = dyn FnMut(&MomentProblem, &[f64]) -> Result<Outcome, SolveError> + 'a;
-
-impl Level {
-    /// Solve on growing subsets of both sides; returns theta where all points should begin, and what the subsets cost.
-    pub fn coarse_to_fine(
-        &self,
-        start: &[f64],
-        run: &mut Run<'_>,
-        seed: u64,
-    ) -> Result<(Vec<f64>, Vec<Outcome>), Error> {
-        let full = self.source.len().max(self.target.len());
-        let (mut theta, mut outcomes, mut count) = (start.to_vec(), Vec::new(), FIRST);
+impl ReadyStage {
+    /// Solve on growing subsets of both sides; returns theta where all points should begin.
+    pub fn coarse_to_fine(&self, start: &[f64], runner: &mut Runner<'_, '_>) -> Result<Vec<f64>, Error> {
+        let (seed, criteria) = (runner.parts.settings.seed, &runner.parts.criteria);
+        let (source, target) = (&self.sides.source, &self.sides.target);
+        let full = source.len().max(target.len());
+        let (mut theta, mut count) = (start.to_vec(), criteria.first_subset.max(2));
         while 2 * count <= full {
-            let mut rng = ChaCha8Rng::seed_from_u64(seed ^ count as u64);
-            let source =
-                thin(&self.source, count, &mut rng).map_err(|problem| Error::Points { side: "source", problem })?;
-            let target =
-                thin(&self.target, count, &mut rng).map_err(|problem| Error::Points { side: "target", problem })?;
+            let mut rng = stream(seed, &format!("subset-{count}"));
+            let source = thin(source, count, &mut rng).map_err(of_side("source"))?;
+            let target = thin(target, count, &mut rng).map_err(of_side("target"))?;
             let kappa = (source.len() as f64).recip() + (target.len() as f64).recip();
-            let problem = self.problem_on(&source, &target);
-            let outcome = run(&problem, &theta)?;
+            let problem = self.problem_on(runner.parts, &source, &target);
+            let outcome = runner.run(&problem, &theta, self.solver.as_ref())?;
             if !outcome.usable() {
                 break;
             }
             let mut step = vec![0.0; problem.manifold().tangent()];
             problem.manifold().local(&theta, &outcome.theta, &mut step);
             theta.clone_from(&outcome.theta);
-            outcomes.push(outcome);
             let Some(error) = sampling_error(&problem, &theta, kappa, seed) else { break };
             // error ~ count^(-1/2): half the step needs 4 (error / step)^2 times as many points.
             let growth = 4.0 * (error / norm(&step).max(f64::MIN_POSITIVE)).powi(2);
-            count = (count as f64 * growth.clamp(GROWTH[0], GROWTH[1])) as usize;
+            let [least, most] = criteria.subset_growth;
+            count = (count as f64 * growth.clamp(least, most)) as usize;
         }
-        Ok((theta, outcomes))
+        Ok(theta)
     }
 }
 

@@ -41,7 +41,7 @@ impl MomentProblem {
         prepared: PreparedMap,
         execution: &Execution,
     ) -> Means {
-        let (family, closure) = (self.family.as_ref(), self.closure.as_ref());
+        let (family, closure) = (self.family.as_ref(), self.closure.as_deref());
         Side { map, prepared, transform: &self.transform, points, family, closure }.sums(execution).means()
     }
 
@@ -94,7 +94,7 @@ impl MomentProblem {
             if let Some(target) = &moving {
                 source.jacobian.iter_mut().zip(&target.jacobian).for_each(|(a, b)| *a -= b);
             }
-            let target = moving.as_ref().map(|means| &means.values).or(group.fixed_target.as_ref());
+            let target = moving.as_ref().map(|means| &means.values).or(group.fixed_target.as_deref());
             let target = target.map_or(&[][..], Vec::as_slice);
             if let Some(means) = means.as_deref_mut() {
                 self.to_features(execution.isa, &source.values, 1, &mut means.source);

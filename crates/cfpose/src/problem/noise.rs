@@ -32,6 +32,44 @@ impl Noise {
         }
     }
 
+    /// Return the covariance (3 x 3, zeros beyond `dim`) of given nuisance parameters, `None` where noise is not modelled.
+    ///
+    /// ```
+    /// use cfpose::problem::Noise;
+    /// let covariance = Noise::Full.covariance(2, &[4.0, 1.0, 9.0]).unwrap();
+    /// assert_eq!(covariance, [[4.0, 1.0, 0.0], [1.0, 9.0, 0.0], [0.0; 3]]);
+    /// assert_eq!(Noise::None.covariance(2, &[]), None);
+    /// ```
+    pub fn covariance(self, dim: usize, parameters: &[f64]) -> Option<[[f64; 3]; 3]> {
+        let mut covariance = [[0.0; 3]; 3];
+        match self {
+            Noise::None => return None,
+            Noise::Isotropic => (0..dim).for_each(|d| covariance[d][d] = parameters[0]),
+            Noise::Full => {
+                let pairs = (0..dim).flat_map(|a| (a..dim).map(move |b| (a, b)));
+                for ((a, b), value) in pairs.zip(parameters) {
+                    covariance[a][b] = *value;
+                    covariance[b][a] = *value;
+                }
+            }
+        }
+        Some(covariance)
+    }
+
+    /// Return the weights of the nuisance parameters in the variance along a unit vector.
+    pub(crate) fn weights_along(self, direction: &[f64]) -> Vec<f64> {
+        let dim = direction.len();
+        match self {
+            Noise::None => Vec::new(),
+            Noise::Isotropic => vec![1.0],
+            Noise::Full => {
+                let pairs = (0..dim).flat_map(|a| (a..dim).map(move |b| (a, b)));
+                let weight = |(a, b): (usize, usize)| if a == b { 1.0 } else { 2.0 } * direction[a] * direction[b];
+                pairs.map(weight).collect()
+            }
+        }
+    }
+
     /// Return the covariance after normalisation as an upper triangle: matrix * covariance * matrix'.
     fn normalised(self, dim: usize, transform: &Transform, parameters: &[HyperDual64]) -> Vec<HyperDual64> {
         let zero = HyperDual64::from(0.0);

@@ -46,6 +46,8 @@ pub struct ClosestPoint {
     pub covariance: Vec<f64>,
     /// Iterations.
     pub iterations: usize,
+    /// Whether the last step was below the tolerance.
+    pub converged: bool,
 }
 
 /// One linearised system: sums over the pairs.
@@ -65,7 +67,7 @@ pub(crate) fn refine(mover: &Mover<'_>, target: &[[f64; 3]], theta: &[f64], opti
     let mut theta = theta.to_vec();
     let mut normals = Normals::new(mover.len());
     let mut last = None;
-    let mut iterations = 0;
+    let (mut iterations, mut converged) = (0, false);
     for iteration in 0..options.max_iterations {
         iterations = iteration + 1;
         let system = linearise(mover, target, &theta, &mut normals, options);
@@ -80,7 +82,8 @@ pub(crate) fn refine(mover: &Mover<'_>, target: &[[f64; 3]], theta: &[f64], opti
         }
         theta = mover.retract(&theta, &step);
         last = Some(system);
-        if norm < options.tolerance {
+        converged = norm < options.tolerance;
+        if converged {
             break;
         }
     }
@@ -96,6 +99,7 @@ pub(crate) fn refine(mover: &Mover<'_>, target: &[[f64; 3]], theta: &[f64], opti
         share: system.pairs as f64 / target.len() as f64,
         covariance,
         iterations,
+        converged,
     })
 }
 

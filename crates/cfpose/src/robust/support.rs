@@ -5,6 +5,7 @@
 
 use super::normals::Normals;
 use super::regions;
+use crate::criteria::Criteria;
 use crate::neighbours::Neighbours;
 use crate::points::Points;
 
@@ -229,13 +230,14 @@ impl Sampling {
     /// Same points: the median distance is that of the noise, seen along the normals. Independent ones: about the spacing,
     /// with the noise on top. Where the noise hides the spacing, the numbers of points (`counts`: target, source) decide:
     /// equal within 3 % counts as the same points. `dim` is the dimension of the feature space.
-    pub fn detect(support: &Support, dim: usize, counts: [usize; 2]) -> Self {
+    pub fn detect(support: &Support, dim: usize, counts: [usize; 2], criteria: &Criteria) -> Self {
         let (noise, spacing) = (support.normal_sigma.powi(2) * dim as f64, support.source_spacing.powi(2));
-        let visible = noise < 0.5 * spacing;
-        if visible && support.mutual < 0.75 && support.median.powi(2) > 0.4 * spacing + 0.65 * noise {
+        let visible = noise < criteria.visible * spacing;
+        let gap = criteria.gap_spacing * spacing + criteria.gap_noise * noise;
+        if visible && support.mutual < criteria.mutual && support.median.powi(2) > gap {
             return Sampling::Independent;
         }
         let ratio = counts[0] as f64 / counts[1] as f64;
-        if (ratio - 1.0).abs() < 0.03 { Sampling::Same } else { Sampling::Thinned }
+        if (ratio - 1.0).abs() < criteria.equal_counts { Sampling::Same } else { Sampling::Thinned }
     }
 }

@@ -63,7 +63,7 @@ impl Grid {
             let a: Vec<f64> = rotation.iter().map(|value| scale * value).collect();
             Proposal { theta: (group.theta)(&a, &moments.offset(&a)), rotation }
         };
-        Ok(rotations(group.dim, self.count).into_iter().map(propose).collect())
+        Ok(rotations(group.dim, self.count, context.freedom).into_iter().map(propose).collect())
     }
 
     /// Projective models: the rotation block runs over the grid, a unit vector over the sphere, and a translation of 3
@@ -74,7 +74,7 @@ impl Grid {
         let direction = direction.and_then(|block| model.layout.range(block.name));
         let sight = line_of_sight(context);
         let mut proposals = Vec::new();
-        for rotation in rotation_grid(self.count) {
+        for rotation in rotations(3, self.count, context.freedom) {
             let mut theta = model.identity.clone();
             theta[range.clone()].copy_from_slice(&rotation);
             if let (Some(sight), Some(place)) = (sight, model.layout.range("translation")) {
@@ -87,10 +87,10 @@ impl Grid {
                 Some(place) if self.directions > 0 => {
                     for unit in direction_grid(self.directions) {
                         theta[place.clone()].copy_from_slice(&unit);
-                        proposals.push(Proposal { rotation: rotation.to_vec(), theta: theta.clone() });
+                        proposals.push(Proposal { rotation: rotation.clone(), theta: theta.clone() });
                     }
                 }
-                _ => proposals.push(Proposal { rotation: rotation.to_vec(), theta }),
+                _ => proposals.push(Proposal { rotation, theta }),
             }
         }
         proposals

@@ -52,7 +52,7 @@ impl StartStrategy for WhitenedAffine {
             if mirrored && !self.reflections {
                 continue;
             }
-            for mut rotation in rotations(dim, self.count) {
+            for mut rotation in rotations(dim, self.count, context.freedom) {
                 if mirrored {
                     // Turn the last column round: R diag(1, .., -1).
                     (0..dim).for_each(|i| rotation[i * dim + dim - 1] *= -1.0);

@@ -19,6 +19,10 @@ impl Weighting for ContinuouslyUpdated {
         Update::EveryEvaluation
     }
 
+    fn ridge(&self) -> f64 {
+        self.regularisation
+    }
+
     fn has_statistic(&self) -> bool {
         true
     }

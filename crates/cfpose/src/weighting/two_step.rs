@@ -21,6 +21,10 @@ impl Weighting for TwoStep {
         Update::Steps(self.steps)
     }
 
+    fn ridge(&self) -> f64 {
+        self.regularisation
+    }
+
     fn has_statistic(&self) -> bool {
         true
     }

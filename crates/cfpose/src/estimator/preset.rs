@@ -3,11 +3,15 @@
 use cfpose_optim::manifold::Manifold;
 
 use super::pipeline::{NoiseModel, Outliers, Pipeline, Stage};
+use crate::free::Freedom;
 use crate::model::{LinearKind, Model, Relations};
 use crate::theta::BlockKind;
 
 /// Points of each side in the annealed stages: enough for a start of the next stage.
 const COARSE_POINTS: usize = 800;
+
+/// Starts about one free angle: 30 degrees apart.
+const TURNS: usize = 12;
 
 /// Weighting of the last stage.
 const WEIGHTED: &str = "two-step";
@@ -17,7 +21,25 @@ const WEIGHTED: &str = "two-step";
 /// * A model with an image-plane variant: annealed waves on the unit sphere, then the image plane, where noise is additive.
 /// * A fixed target in a space where noise is additive: annealed waves, noise as a parameter, the weighted stage.
 /// * Everything else: the features of the model's documented basin from its start strategy, no statistic.
-pub(super) fn pipeline(model: &Model) -> Pipeline {
+///
+/// Where a rotation is free in part, global starts are turns about its free angles.
+pub(super) fn pipeline(model: &Model, freedom: Option<&Freedom>) -> Pipeline {
+    let whole = of_model(model);
+    match (freedom.and_then(Freedom::turns), &whole.global_start) {
+        (Some((axes, _)), Some(_)) => {
+            let count = if axes.len() < 2 { TURNS } else { TURNS * TURNS };
+            Pipeline { global_start: Some(format!("grid[count={count}]")), keep: whole.keep.max(4), ..whole }
+        }
+        _ => whole,
+    }
+}
+
+/// The printed method: `trig18`, weighting `identity`, one solve.
+pub(super) fn printed(max_iterations: usize) -> Stage {
+    Stage { iterations: max_iterations, ..Stage::new("only", "trig18") }
+}
+
+fn of_model(model: &Model) -> Pipeline {
     if let Some(relations) = &model.relations {
         return projective(relations, model.layout.manifold().tangent());
     }

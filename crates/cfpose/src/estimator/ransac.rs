@@ -5,26 +5,22 @@
 //! found where they hang together, so the target is cut into clusters, hypotheses leave some of them out, and each is scored
 //! by its J statistic and by nearest-neighbour support among *all* points.
 
-use rand::{RngExt, SeedableRng};
-use rand_chacha::ChaCha8Rng;
+use rand::RngExt;
+use rand_chacha::ChaCha12Rng;
 
 use super::Supervision;
-use super::engine::{Engine, Hypothesis};
-use super::level::Ingredients;
+use super::candidate::{Candidate, PointFit};
 use super::pipeline::{Outliers, Pipeline};
-use super::repair::Robust;
+use super::search::{Search, Stages};
 use crate::error::Error;
 use crate::points::Points;
+use crate::streams::stream;
 
-/// Clusters of the target.
-const NUM_CLUSTERS: usize = 8;
 /// Rounds of k-means.
 const ROUNDS: usize = 20;
-/// Hypotheses with two clusters left out, besides those with one.
-const PAIRS: usize = 8;
 
 /// Return the cluster of each point: k-means from seeded, spread-out centres (k-means++).
-fn clusters(points: &Points, count: usize, rng: &mut ChaCha8Rng) -> Vec<usize> {
+fn clusters(points: &Points, count: usize, rng: &mut ChaCha12Rng) -> Vec<usize> {
     let rows: Vec<[f64; 3]> = (0..points.len()).map(|k| points.point(k)).collect();
     let squared = |a: &[f64; 3], b: &[f64; 3]| (0..3).map(|d| (a[d] - b[d]).powi(2)).sum::<f64>();
     let mut centres = vec![rows[rng.random_range(0..rows.len())]];
@@ -54,41 +50,43 @@ fn clusters(points: &Points, count: usize, rng: &mut ChaCha8Rng) -> Vec<usize> {
     label
 }
 
-impl Engine<'_> {
-    /// Leave clusters out, one by one and in random pairs, and keep the hypothesis of best support.
-    pub fn by_clusters(&mut self, supervision: &mut Supervision<'_>) -> Result<Option<Robust>, Error> {
-        let mut rng = ChaCha8Rng::seed_from_u64(self.ingredients.settings.seed ^ 0x7261_6e73_6163);
-        let label = clusters(self.ingredients.target, NUM_CLUSTERS, &mut rng);
-        let mut choices: Vec<[usize; 2]> = (0..NUM_CLUSTERS).map(|c| [c, c]).collect();
-        choices.extend((0..PAIRS).map(|_| [rng.random_range(0..NUM_CLUSTERS), rng.random_range(0..NUM_CLUSTERS)]));
-        let mut best: Option<(bool, f64, Hypothesis, f64)> = None;
+impl Search<'_> {
+    /// Leave clusters of the target out in turn, climb on the rest, and keep the pose that explains all points best.
+    pub fn by_clusters(&mut self, supervision: &mut Supervision<'_>) -> Result<Option<PointFit>, Error> {
+        let (count, pairs) = (self.parts.criteria.clusters.max(2), self.parts.criteria.cluster_pairs);
+        let mut rng = stream(self.parts.settings.seed, "ransac");
+        let label = clusters(&self.stages.data.target, count, &mut rng);
+        let mut choices: Vec<[usize; 2]> = (0..count).map(|c| [c, c]).collect();
+        choices.extend((0..pairs).map(|_| [rng.random_range(0..count), rng.random_range(0..count)]));
+        let mut best: Option<(bool, f64, Candidate)> = None;
         for left_out in choices {
             let kept: Vec<usize> = (0..label.len()).filter(|k| !left_out.contains(&label[*k])).collect();
-            let Ok(target) = self.ingredients.target.select(&kept) else { continue };
-            if target.require_spread(3).is_err() {
+            let Ok(data) = self.stages.data.keep(None, Some(&kept)) else { continue };
+            if data.target.require_spread(3).is_err() {
                 continue;
             }
-            let ingredients = Ingredients { target: &target, ..self.ingredients };
+            let stages = Stages::new(self.parts, data, self.pipeline, 0)?;
             let pipeline = Pipeline { outliers: Outliers::None, restarts: 0, ..self.pipeline.clone() };
-            let mut engine = Engine::new(ingredients, &pipeline)?;
-            let given = engine.given()?;
-            let hypotheses = match given.is_empty() {
-                true => engine.global(usize::MAX, supervision)?,
-                false => engine.climb_given(&given, supervision)?,
+            let mut search = Search::new(self.parts, &pipeline, &stages);
+            let given = search.given()?;
+            let found = match given.is_empty() {
+                true => search.global(usize::MAX, supervision)?,
+                false => search.climb_given(&given, supervision)?,
             };
-            self.absorb(0, &engine);
-            let Some(hypothesis) = hypotheses.into_iter().next().filter(|h| h.plausible) else { continue };
-            let score = self.last().support(&hypothesis.solved.theta)?.distance();
-            let rank = (hypothesis.accepted, score);
+            self.absorb(0, &search);
+            let Some(candidate) = found.into_iter().next().filter(|c| c.plausible) else { continue };
+            let score = self.last().support(&candidate.theta)?.distance();
+            let rank = (candidate.accepted, score);
             if best.as_ref().is_none_or(|b| (rank.0 && !b.0) || (rank.0 == b.0 && rank.1 < b.1)) {
-                let clutter = 1.0 - kept.len() as f64 / label.len() as f64;
-                best = Some((rank.0, score, hypothesis, clutter));
+                best = Some((rank.0, score, candidate));
             }
         }
-        Ok(best.map(|(_, _, hypothesis, clutter)| {
-            let sigma = self.last().noise_sigma(&hypothesis.solved.theta).unwrap_or(0.0);
-            let covariance = hypothesis.solved.statistics.map_or_else(Vec::new, |s| s.covariance);
-            Robust { theta: hypothesis.solved.theta, sigma, covariance, clutter }
+        Ok(best.map(|(_, _, candidate)| PointFit {
+            sigma: self.last().noise_sigma(&candidate.theta).unwrap_or(0.0),
+            covariance: candidate.statistics.map_or_else(Vec::new, |s| s.covariance),
+            message: candidate.outcome.message,
+            converged: candidate.outcome.status.converged(),
+            theta: candidate.theta,
         }))
     }
 }
