@@ -11,7 +11,6 @@
 //!
 //! The library opens no file, reads no clock, starts no thread and has no global state.
 
-pub mod block;
 pub mod check;
 pub mod conditioning;
 pub mod coverage;
@@ -23,14 +22,9 @@ pub mod family;
 pub mod free;
 pub mod gram;
 pub mod homography;
-pub mod isa;
-pub mod jet;
-pub mod lane;
 mod linalg;
-pub mod means;
 pub mod model;
 pub mod models;
-pub mod moments;
 mod neighbours;
 pub mod normalise;
 pub mod points;
@@ -38,11 +32,12 @@ pub mod pose;
 pub mod problem;
 pub mod readout;
 pub mod robust;
-pub mod scalar;
 pub mod start;
 pub mod statistics;
 pub mod theta;
 pub mod weighting;
+
+pub use cfpose_kernel::{isa, jet, lane, map as block, means, moments, scalar};
 
 pub use entry::{BuildContext, BuildError, Registry};
 pub use error::Error;

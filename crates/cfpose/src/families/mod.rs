@@ -8,12 +8,13 @@ mod hermite;
 mod legendre;
 mod monomial;
 pub mod orthonormalised;
-pub mod polynomial;
 pub mod quadrature_blur;
 mod random_fourier;
 mod rbf;
 mod trig;
 mod trig18;
+
+pub use cfpose_kernel::family::polynomial;
 
 use crate::family::FamilyEntry;
 

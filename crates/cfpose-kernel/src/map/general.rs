@@ -5,10 +5,10 @@ use pulp::{Simd, WithSimd};
 
 use super::factored::{SEEDS, lift_points, normalise_slopes, normalise_values};
 use super::{DynMap, FactoredFacts, LiftedPoints, MapBlock, PreparedMap, Transform};
+use crate::author::PointMap;
 use crate::isa::Isa;
 use crate::jet::Jet;
 use crate::lane::Lane;
-use crate::model::PointMap;
 use crate::points::{BLOCK, Points};
 
 /// Erase a [`PointMap`].

@@ -4,9 +4,9 @@ use pulp::{Simd, WithSimd};
 
 use super::contraction::Products;
 use super::{RawSums, Sums};
-use crate::block::{MapBlock, Row};
 use crate::family::BasisBlock;
 use crate::lane::{Lane, MAX_LANES};
+use crate::map::{MapBlock, Row};
 use crate::points::BLOCK;
 
 /// One partial sum per lane.

@@ -4,15 +4,15 @@ use num_dual::{DualSVec64, HyperDual64};
 use pulp::{Simd, WithSimd};
 
 use super::{DynMap, FactoredFacts, LiftedPoints, MapBlock, PreparedMap, Transform};
+use crate::author::Map;
 use crate::isa::Isa;
 use crate::jet::Jet;
 use crate::lane::Lane;
-use crate::model::Map;
 use crate::points::{Attribute, BLOCK, Points};
 use crate::scalar::Scalar;
 
 /// Number of tangent directions that one pass of num-dual carries: any tangent size, no heap duals.
-pub(crate) const SEEDS: usize = 8;
+pub const SEEDS: usize = 8;
 
 /// Erase a [`Map`].
 pub struct Factored<M, const POINT: usize, const ROWS: usize, const DIM: usize> {
@@ -58,7 +58,7 @@ pub(super) fn lift_points(
 }
 
 /// Seed ambient theta with the tangent directions `first..first + SEEDS`.
-pub(crate) fn seed_theta(theta: &[f64], basis: &[f64], tangent: usize, first: usize) -> Vec<DualSVec64<SEEDS>> {
+pub fn seed_theta(theta: &[f64], basis: &[f64], tangent: usize, first: usize) -> Vec<DualSVec64<SEEDS>> {
     let width = SEEDS.min(tangent - first);
     (0..theta.len())
         .map(|i| {

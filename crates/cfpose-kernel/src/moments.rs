@@ -5,15 +5,16 @@
 //!
 //! Numerics: u is centred and scaled to unit spread, and the recursion below never forms large powers of A.
 
-use crate::block::{DynMap, LiftedPoints, Transform};
-use crate::families::polynomial::{Polynomial, Products};
+use crate::author::Identity;
 use crate::family::General;
+use crate::family::polynomial::{Polynomial, Products};
+use crate::map::{DynMap, Factored, LiftedPoints, Transform};
 use crate::means::{Execution, Side, Sums};
-use crate::model::Identity;
+use crate::points::Points;
 
 mod path;
 
-pub(crate) use path::MomentPath;
+pub use path::MomentPath;
 
 /// Return the family of all monomials up to a degree.
 fn monomial_family(degree: usize) -> Polynomial {
@@ -24,7 +25,7 @@ fn monomial_family(degree: usize) -> Polynomial {
 /// Moments sum w u^a / sum w of centred, scaled lifted points u = (lifted - centre) / scale.
 ///
 /// ```
-/// use cfpose::{Execution, Points, moments::Moments};
+/// use cfpose_kernel::{Execution, Points, moments::Moments};
 /// let cloud = Points::from_rows(&[[1.0, 0.0], [3.0, 2.0], [5.0, 1.0]]).unwrap();
 /// let moments = Moments::of_points(&cloud, 4, &Execution::default());
 /// let (first, second) = (cloud.select(&[0]).unwrap(), cloud.select(&[1, 2]).unwrap());
@@ -46,14 +47,14 @@ pub struct Moments {
 
 impl Moments {
     /// Sum the moments of a point set up to a degree, centred at its mean and scaled by its spread.
-    pub fn of_points(points: &crate::Points, degree: usize, execution: &Execution) -> Self {
+    pub fn of_points(points: &Points, degree: usize, execution: &Execution) -> Self {
         let columns = (0..points.dim()).map(|d| points.padded_column(d).to_vec()).collect();
         let lifted = LiftedPoints { len: points.len(), columns, weights: points.padded_weights().to_vec() };
         Self::of_lifted(&lifted, degree, execution)
     }
 
     /// Sum the moments of other points about the same centre and scale, so that both can be merged: one pass per shard.
-    pub fn like(other: &Self, points: &crate::Points, execution: &Execution) -> Self {
+    pub fn like(other: &Self, points: &Points, execution: &Execution) -> Self {
         let columns = (0..points.dim()).map(|d| points.padded_column(d).to_vec()).collect();
         let lifted = LiftedPoints { len: points.len(), columns, weights: points.padded_weights().to_vec() };
         Self::about(&lifted, other.degree, other.centre, other.scale, execution)
@@ -83,9 +84,9 @@ impl Moments {
         let matrix = std::array::from_fn(|i| std::array::from_fn(|j| if i == j { inverse } else { 0.0 }));
         let family = General(monomial_family(degree));
         let map: Box<dyn DynMap> = match dim {
-            1 => Box::new(crate::block::Factored::<_, 1, 1, 1>::new(Identity)),
-            2 => Box::new(crate::block::Factored::<_, 2, 2, 2>::new(Identity)),
-            _ => Box::new(crate::block::Factored::<_, 3, 3, 3>::new(Identity)),
+            1 => Box::new(Factored::<_, 1, 1, 1>::new(Identity)),
+            2 => Box::new(Factored::<_, 2, 2, 2>::new(Identity)),
+            _ => Box::new(Factored::<_, 3, 3, 3>::new(Identity)),
         };
         let prepared = map.prepare(&[0.0], &[], 0);
         let transform = Transform::new(centre, matrix);

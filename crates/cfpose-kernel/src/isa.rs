@@ -8,7 +8,7 @@ use pulp::{Simd, WithSimd};
 /// partial sums are as many as there are lanes.
 ///
 /// ```
-/// use cfpose::Isa;
+/// use cfpose_kernel::Isa;
 /// assert!(Isa::available().contains(&Isa::detect()));
 /// assert_eq!(Isa::by_name("baseline"), Some(Isa::baseline()));
 /// ```

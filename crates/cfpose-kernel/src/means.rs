@@ -7,16 +7,16 @@ use std::sync::Arc;
 
 use rayon::prelude::*;
 
-use crate::block::{DynMap, LiftedPoints, MapBlock, PreparedMap, Transform};
 use crate::family::{BasisBlock, DynFamily};
 use crate::isa::Isa;
+use crate::map::{DynMap, LiftedPoints, MapBlock, PreparedMap, Transform};
 use crate::points::BLOCK;
 
 mod accumulate;
 mod contraction;
 
 use accumulate::{Accumulate, LaneSums};
-pub(crate) use contraction::Closure;
+pub use contraction::Closure;
 use contraction::{Contraction, Products};
 
 /// Points per chunk: the unit of work of a thread.
@@ -96,11 +96,16 @@ pub struct Means {
 }
 
 /// One side of the equation, ready to be summed at one theta.
-pub(crate) struct Side<'a> {
+pub struct Side<'a> {
+    /// Map into the feature space.
     pub map: &'a dyn DynMap,
+    /// What of the map depends on theta alone.
     pub prepared: PreparedMap,
+    /// Normalisation of the feature space.
     pub transform: &'a Transform,
+    /// Points after `lift`.
     pub points: &'a LiftedPoints,
+    /// Feature functions.
     pub family: &'a dyn DynFamily,
     /// Gradients of the family in terms of its values, where it is closed under differentiation.
     pub closure: Option<&'a Closure>,

@@ -4,12 +4,12 @@
 //! combinations of its own values), and a map without projection has dx/dtheta_j = T (dA_j u + db_j), the same combination of the
 //! columns (u, 1) of every point.
 
-use crate::block::{DynMap, PreparedMap, Transform};
 use crate::family::{DynFamily, GradientTerm};
+use crate::map::{DynMap, PreparedMap, Transform};
 use crate::means::{RawSums, Sums};
 
 /// The gradients of a family that is closed under differentiation.
-pub(crate) struct Closure {
+pub struct Closure {
     terms: Vec<GradientTerm>,
     /// Functions that gradients need: the first ones.
     rows: usize,
@@ -42,7 +42,7 @@ impl Products {
         if tangent == 0 {
             return Products::Direct;
         }
-        let plain = |facts: &crate::block::FactoredFacts| {
+        let plain = |facts: &crate::map::FactoredFacts| {
             facts.identity_projection && !facts.has_density && facts.rows == dim && facts.lift_len <= tangent
         };
         match (map.factored().filter(plain), closure) {

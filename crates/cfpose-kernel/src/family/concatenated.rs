@@ -3,16 +3,16 @@
 use num_dual::HyperDual64;
 
 use super::{BasisRows, DynFamily, GradientTerm, Segment};
-use crate::block::MapBlock;
 use crate::isa::Isa;
+use crate::map::MapBlock;
 
 /// A weighted concatenation of families: the features of the first, times its weight, then those of the second, ...
 ///
 /// A weight multiplies the features, so it multiplies their share of the cost by its square. Each part keeps its own fast path.
 ///
 /// ```
-/// use cfpose::family::{Concatenated, DynFamily};
-/// use cfpose::{BuildContext, Registry};
+/// use cfpose_kernel::family::{Concatenated, DynFamily};
+/// use cfpose_kernel::{BuildContext, Registry};
 /// let part = |name| Registry::default().family(name, &BuildContext::default()).unwrap();
 /// let both = Concatenated::new(vec![(1.0, part("coordinates")), (2.0, part("monomial[degree=2]"))]);
 /// assert_eq!(both.features(&[3.0]), vec![3.0, 6.0, 18.0]);

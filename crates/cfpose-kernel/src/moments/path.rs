@@ -3,9 +3,9 @@
 use pulp::{Simd, WithSimd};
 
 use super::{Moments, monomial_family};
-use crate::block::{DynMap, LiftedPoints, PreparedMap, Transform};
 use crate::isa::Isa;
 use crate::lane::Lane;
+use crate::map::{DynMap, LiftedPoints, PreparedMap, Transform};
 use crate::means::{Execution, Means};
 
 /// Largest degree of the path: the polynomial families end there.
@@ -40,7 +40,7 @@ struct Term {
 
 /// The moment path of one side: family basis monomials as polynomials in (A, b).
 #[derive(Debug, Clone)]
-pub(crate) struct MomentPath {
+pub struct MomentPath {
     /// Moments of u, row by row, each padded.
     moments: Vec<f64>,
     centre: [f64; 3],

@@ -1,6 +1,6 @@
 //! Polynomials of bounded degree: shared monomials, one coefficient matrix.
 
-use crate::family::{Family, GradientTerm};
+use super::{Family, GradientTerm};
 use crate::scalar::Scalar;
 
 /// Which products of one-dimensional polynomials belong to a family of degree D.

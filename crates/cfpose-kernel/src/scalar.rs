@@ -14,7 +14,7 @@ use num_dual::DualNum;
 /// [`Scalar::select_less`], because the lanes of one vector may disagree.
 ///
 /// ```
-/// use cfpose::Scalar;
+/// use cfpose_kernel::Scalar;
 /// fn unit<S: Scalar>(y: [S; 2]) -> [S; 2] {
 ///     let scale = (y[0] * y[0] + y[1] * y[1]).sqrt().recip();
 ///     [y[0] * scale, y[1] * scale]

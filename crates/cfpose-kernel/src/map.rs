@@ -12,7 +12,7 @@ mod factored;
 mod general;
 
 pub use factored::Factored;
-pub(crate) use factored::seed_theta;
+pub use factored::{SEEDS, seed_theta};
 pub use general::General;
 
 /// [`BLOCK`] values on a cache-line boundary, and one cache line of padding.
@@ -31,7 +31,7 @@ impl Row {
 /// The affine normalisation x -> matrix (x - mean) of the feature space.
 ///
 /// ```
-/// use cfpose::block::Transform;
+/// use cfpose_kernel::map::Transform;
 /// let halved = Transform::new([1.0, 0.0, 0.0], [[0.5, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]);
 /// assert_eq!(halved.apply([3.0, 2.0, 0.0]), [1.0, 2.0, 0.0]);
 /// ```
@@ -55,16 +55,19 @@ impl Transform {
     }
 
     /// Return the mean that is subtracted.
+    #[inline]
     pub fn mean(&self) -> [f64; 3] {
         self.mean
     }
 
     /// Return the matrix, row by row.
+    #[inline]
     pub fn matrix(&self) -> [[f64; 3]; 3] {
         self.matrix
     }
 
     /// Transform one point; missing coordinates must be 0 and stay 0 for a matrix that leaves them alone.
+    #[inline]
     pub fn apply(&self, x: [f64; 3]) -> [f64; 3] {
         let mut out = [0.0; 3];
         for q in 0..3 {
@@ -121,6 +124,7 @@ impl MapBlock {
     }
 
     /// Copy the weights of a block of points and note whether all are 1.
+    #[inline]
     pub(crate) fn set_weights(&mut self, weights: &[f64]) {
         self.weight.0.copy_from_slice(weights);
         self.unit_weight = weights.iter().all(|w| *w == 1.0);

@@ -4,10 +4,10 @@ use num_dual::HyperDual64;
 use pulp::{Simd, WithSimd};
 
 use super::{BasisRows, DynFamily, Family, GradientTerm, SeparableFamily};
-use crate::block::MapBlock;
 use crate::isa::Isa;
 use crate::jet::Jet;
 use crate::lane::Lane;
+use crate::map::MapBlock;
 use crate::points::BLOCK;
 use crate::scalar::Scalar;
 
