@@ -37,7 +37,7 @@ pub trait Map<const POINT: usize, const ROWS: usize, const DIM: usize>: Send + S
     /// Project into the feature space.
     fn project<S: Scalar>(&self, y: [S; ROWS]) -> [S; DIM];
 
-    /// Return the area element that multiplies a point's weight (method.md, section 6), `None` where it is constant.
+    /// Return the area element that multiplies a point's weight (docs/adding/model.md, *What else a model can say*), `None` where it is constant.
     fn density<S: Scalar>(&self, _y: [S; ROWS]) -> Option<S> {
         None
     }

@@ -4,20 +4,22 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
+use cfpose_kernel::map::Transform;
+use cfpose_kernel::means::Execution;
+use cfpose_kernel::points::Points;
 use cfpose_optim::{Control, LeastSquares, Observer, Outcome, Status, Stopping};
 
-use crate::block::Transform;
-use crate::conditioning::Conditioning;
-use crate::entry::{BuildContext, Registry};
+use crate::distances::correspondence::{Correspondence, correspond, nearest_neighbours};
+use crate::distances::sampling::Sampling;
+use crate::distances::support::Support;
+use crate::entry::BuildContext;
 use crate::error::Error;
-use crate::means::Execution;
 use crate::model::{Model, PointKind};
-use crate::points::Points;
 use crate::problem::{Evaluation, MomentProblem, map_points};
-use crate::readout::{Correspondence, correspond, nearest_neighbours};
-use crate::robust::support::{Sampling, Support};
+use crate::registry::Registry;
 use crate::start::StartContext;
 use crate::statistics::Statistics;
+use crate::statistics::conditioning::Conditioning;
 
 mod auto;
 mod clusters;
@@ -318,7 +320,7 @@ impl Prepared {
         let mut problem =
             MomentProblem::new(Arc::clone(&model), family, transform, &source, &target, execution.clone());
         if let Some(free) = &settings.free {
-            problem = problem.with_model_manifold(Arc::new(crate::free::manifold(&model.layout, free)));
+            problem = problem.with_model_manifold(Arc::new(crate::geometry::free::manifold(&model.layout, free)));
         }
         registry.weighting(&settings.weighting)?;
         let starts = match &settings.start {
@@ -482,7 +484,10 @@ pub fn estimate(
 }
 
 /// Apply a transform to mapped points.
-pub(crate) fn transform_points(points: &Points, transform: &Transform) -> Result<Points, crate::points::PointsError> {
+pub(crate) fn transform_points(
+    points: &Points,
+    transform: &Transform,
+) -> Result<Points, cfpose_kernel::points::PointsError> {
     let rows: Vec<[f64; 3]> = (0..points.len()).map(|k| transform.apply(points.point(k))).collect();
     let columns = (0..points.dim()).map(|d| rows.iter().map(|row| row[d]).collect()).collect();
     Points::weighted(columns, points.weights().to_vec())

@@ -2,12 +2,16 @@
 
 use std::sync::Arc;
 
-use crate::block::{DynMap, Factored, General};
+use cfpose_kernel::map::{DynMap, Factored, General};
+use cfpose_kernel::points::Points;
+
 use crate::entry::{BuildContext, BuildError, ParameterSpec, Parameters};
-use crate::points::Points;
-use crate::problem::DynRows;
-use crate::theta::Layout;
+use crate::geometry::theta::Layout;
+
+mod rows;
+
 pub use cfpose_kernel::author::{Identity, Map, PointMap, UnitRay, unit3};
+pub use rows::{DynRows, ResidualRows};
 
 /// The target side of a model.
 pub enum TargetSide {

@@ -1,9 +1,10 @@
 //! Start strategies: where a solve begins when the user gives no theta.
 
+use cfpose_kernel::points::Points;
+
 use crate::entry::{EntryError, ParameterSpec, Parameters, parse_spec};
 use crate::error::Error;
 use crate::model::Model;
-use crate::points::Points;
 
 mod grid;
 mod identity;

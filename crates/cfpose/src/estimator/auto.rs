@@ -3,8 +3,8 @@
 use cfpose_optim::manifold::Manifold;
 
 use super::pipeline::{NoiseModel, Outliers, Pipeline, Stage};
+use crate::geometry::theta::BlockKind;
 use crate::model::{LinearKind, Model, Relations};
-use crate::theta::BlockKind;
 
 /// Points of each side in the annealed stages: enough for a start of the next stage.
 const COARSE_POINTS: usize = 800;
@@ -26,8 +26,8 @@ pub(super) fn pipeline(model: &Model) -> Pipeline {
     if additive && model.normaliser.is_none() { direct(model) } else { plain(model) }
 }
 
-/// Coarse-to-fine waves on the sphere: a wide basin first, then accuracy (method.md, section 7, step 2). A level needs at
-/// least as many functions as there are unknowns: 6, 32, 122, 256.
+/// Coarse-to-fine waves on the sphere: a wide basin first, then accuracy (docs/method.md, *The stages of `auto`*). A level needs
+/// at least as many functions as there are unknowns: 6, 32, 122, 256.
 fn annealed(unknowns: usize) -> Vec<Stage> {
     let levels = [(1, 0.0, 6), (2, 0.8, 32), (3, 0.6, 122), (4, 0.3, 256)];
     let stage = |(k, damping, _): &(usize, f64, usize)| Stage {
@@ -39,7 +39,7 @@ fn annealed(unknowns: usize) -> Vec<Stage> {
     levels.iter().filter(|(_, _, functions)| *functions >= unknowns).map(stage).collect()
 }
 
-/// Rays: method.md, section 7.
+/// Rays (docs/method.md, *The stages of `auto`*).
 fn projective(relations: &Relations, unknowns: usize) -> Pipeline {
     let mut stages = annealed(unknowns);
     stages.iter_mut().for_each(|stage| stage.model = Some(relations.sphere.clone()));

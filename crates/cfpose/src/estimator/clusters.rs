@@ -5,6 +5,7 @@
 //! found where they hang together, so the target is cut into clusters, hypotheses leave some of them out, and each is scored
 //! by its J statistic and by nearest-neighbour support among *all* points.
 
+use cfpose_kernel::points::Points;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
@@ -14,7 +15,6 @@ use super::level::Ingredients;
 use super::pipeline::{Outliers, Pipeline};
 use super::repair::Robust;
 use crate::error::Error;
-use crate::points::Points;
 
 /// Clusters of the target.
 const NUM_CLUSTERS: usize = 8;

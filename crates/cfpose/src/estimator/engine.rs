@@ -10,9 +10,9 @@ use super::level::{Ingredients, Level, Solved};
 use super::pipeline::Pipeline;
 use super::{Settings, Start, Supervision};
 use crate::error::Error;
+use crate::geometry::theta::BlockKind;
 use crate::model::Scene;
 use crate::start::StartContext;
-use crate::theta::BlockKind;
 
 /// Share of common residual variance above which a fit is misplaced.
 pub(super) const COHERENT: f64 = 0.35;

@@ -5,8 +5,8 @@ use cfpose_optim::manifold::Manifold;
 use cfpose_optim::problem::LeastSquares;
 
 use super::{Alternative, Prepared};
-use crate::conditioning::{Conditioning, observe};
 use crate::model::{Findings, Scene};
+use crate::statistics::conditioning::{Conditioning, observe};
 
 /// A candidate counts as good as the best theta up to this factor of the cost, ...
 const EQUAL_FACTOR: f64 = 4.0;

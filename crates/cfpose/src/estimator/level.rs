@@ -2,6 +2,10 @@
 
 use std::sync::{Arc, OnceLock};
 
+use cfpose_kernel::family::DynFamily;
+use cfpose_kernel::map::{LiftedPoints, Transform};
+use cfpose_kernel::means::Execution;
+use cfpose_kernel::points::Points;
 use cfpose_optim::manifold::Manifold;
 use cfpose_optim::problem::LeastSquares;
 use cfpose_optim::{Control, Outcome, Solver, Stopping};
@@ -10,20 +14,18 @@ use rand_chacha::ChaCha8Rng;
 
 use super::pipeline::Stage;
 use super::{Settings, Supervision, adapt};
-use crate::block::{LiftedPoints, Transform};
-use crate::entry::{BuildContext, Registry};
+use crate::distances::Mover;
+use crate::distances::closest_point::{self, ClosestPoint};
+use crate::distances::neighbours::Neighbours;
+use crate::distances::sampling::{Sampling, thin};
+use crate::distances::support::Support;
+use crate::entry::BuildContext;
 use crate::error::Error;
-use crate::family::DynFamily;
-use crate::means::Execution;
 use crate::model::Model;
-use crate::neighbours::Neighbours;
-use crate::points::{Points, thin};
 use crate::problem::{MomentProblem, Noise, map_points};
-use crate::robust::Mover;
-use crate::robust::closest_point::{self, ClosestPoint};
-use crate::robust::support::{Sampling, Support};
+use crate::registry::Registry;
+use crate::statistics::weighting::{Update, Weighting};
 use crate::statistics::{self, Randomness, Statistics, feature_covariance};
-use crate::weighting::{Update, Weighting};
 
 /// Standard deviation of the noise, in normalised units, that a stage begins with.
 const FIRST_NOISE: f64 = 0.0125;
@@ -97,7 +99,9 @@ impl Build {
         let problem =
             MomentProblem::new(model, family, self.transform, source, target, execution.clone()).with_noise(self.noise);
         match &self.free {
-            Some(free) => problem.with_model_manifold(Arc::new(crate::free::manifold(&self.model.layout, free))),
+            Some(free) => {
+                problem.with_model_manifold(Arc::new(crate::geometry::free::manifold(&self.model.layout, free)))
+            }
             None => problem,
         }
     }

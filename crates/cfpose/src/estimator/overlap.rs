@@ -1,4 +1,4 @@
-//! Partial overlap: a missing part changes the means, so no weighting of all points can repair them (method.md, section 7).
+//! Partial overlap: a missing part changes the means, so no weighting of all points can repair them (docs/method.md, *Partial overlap*).
 //!
 //! What is done instead: trimmed closest points from an even grid of starts, scored by how many points of *both* sides find a
 //! partner; then soft weights on both sides (here 0 or 1), the last stages on what overlaps, and again. The verdict stays
@@ -12,12 +12,12 @@ use super::engine::Engine;
 use super::level::Ingredients;
 use super::pipeline::Pipeline;
 use super::repair::Robust;
+use crate::distances::closest_point::{self, ClosestPoint};
+use crate::distances::neighbours::Neighbours;
+use crate::distances::sampling::thin;
+use crate::distances::{Mover, spacing};
 use crate::error::Error;
 use crate::model::LinearKind;
-use crate::neighbours::Neighbours;
-use crate::points::thin;
-use crate::robust::closest_point::{self, ClosestPoint};
-use crate::robust::{Mover, spacing};
 use crate::start::StartContext;
 
 /// Starts of the search.

@@ -1,6 +1,7 @@
 //! What is done with a fit that the statistics refuse: outliers are found and left out. And with one of small noise: it is
 //! refined.
 
+use cfpose_kernel::points::Points;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 
@@ -8,11 +9,11 @@ use super::Supervision;
 use super::engine::{Engine, Hypothesis};
 use super::level::{Ingredients, LEAST_NOISE};
 use super::pipeline::{NoiseModel, Outliers, Pipeline};
+use crate::distances::neighbours::Neighbours;
+use crate::distances::sampling::thin;
+use crate::distances::support::Support;
+use crate::distances::{Mover, closest_point, mixture};
 use crate::error::Error;
-use crate::neighbours::Neighbours;
-use crate::points::{Points, thin};
-use crate::robust::support::Support;
-use crate::robust::{Mover, closest_point, mixture};
 
 /// Hypotheses that are questioned for outliers, at most.
 const MAX_CANDIDATES: usize = 3;

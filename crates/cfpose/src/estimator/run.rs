@@ -9,11 +9,12 @@ use super::engine::{COHERENT, Engine, Hypothesis, PARTIAL, ranked};
 use super::level::{Ingredients, Solved};
 use super::pipeline::{Outliers, Pipeline};
 use super::{Alternative, Estimate, Prepared, Start, Supervision, Verdict};
-use crate::conditioning::Conditioning;
-use crate::entry::Registry;
+use crate::distances::sampling::Sampling;
+use crate::distances::support::Support;
 use crate::error::Error;
-use crate::robust::support::{Sampling, Support};
+use crate::registry::Registry;
 use crate::statistics::Statistics;
+use crate::statistics::conditioning::Conditioning;
 
 /// p-value of J below which a fit is suspect. Smaller than a test's usual level: the models are idealised, and a false alarm
 /// costs the user more than the statistic's last digit.

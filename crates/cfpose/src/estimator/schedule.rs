@@ -10,10 +10,10 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 
 use super::level::Level;
+use crate::distances::sampling::thin;
 use crate::error::Error;
-use crate::points::thin;
+use crate::geometry::linalg::invert;
 use crate::problem::MomentProblem;
-use crate::robust::invert;
 use crate::statistics::{Randomness, feature_covariance};
 
 /// Points of the first subset.

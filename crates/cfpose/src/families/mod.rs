@@ -11,12 +11,12 @@ pub mod orthonormalised;
 pub mod quadrature_blur;
 mod random_fourier;
 mod rbf;
-mod trig;
+mod shared;
 mod trig18;
 
 pub use cfpose_kernel::family::polynomial;
 
-use crate::family::FamilyEntry;
+use crate::entry::FamilyEntry;
 
 /// All families of the library.
 pub const ALL: &[&FamilyEntry] = &[

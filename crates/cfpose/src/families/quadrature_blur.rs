@@ -4,8 +4,8 @@ use std::sync::Arc;
 
 pub use cfpose_kernel::family::QuadratureBlur;
 
+use crate::entry::FamilyEntry;
 use crate::entry::{ParameterSpec, build_family};
-use crate::family::FamilyEntry;
 
 pub(super) const ENTRY: FamilyEntry = FamilyEntry {
     name: "quadrature-blur",

@@ -1,7 +1,8 @@
 //! Maximum likelihood of a mixture: every target point is a noisy copy of some mapped source point, or a uniform outlier.
 
-use super::{Mover, add_outer, invert, solve_normal, symmetrise};
-use crate::neighbours::{Neighbour, Neighbours};
+use super::Mover;
+use crate::distances::neighbours::{Neighbour, Neighbours};
+use crate::geometry::linalg::{add_outer, invert, solve_normal, symmetrise};
 
 /// Options of a fit.
 #[derive(Debug, Clone, Copy, PartialEq)]

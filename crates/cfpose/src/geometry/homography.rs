@@ -2,7 +2,7 @@
 
 use cfpose_optim::manifold::{determinant3, multiply3};
 
-use crate::linalg::symmetric_eigen;
+use crate::geometry::linalg::symmetric_eigen;
 
 /// A motion and a plane that induce a homography: H = R + (T/d) n'.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -1,21 +1,22 @@
 //! What the nonlinear plane maps share: x = sum_i c_i B_i(p) for a basis B that does not depend on theta.
 
+use cfpose_kernel::scalar::Scalar;
+
 use crate::entry::ParameterSpec;
+use crate::geometry::theta::{BlockKind, Layout};
 use crate::model::{Basin, Findings, LinearGroup, LinearKind, Map, Model, Scene};
-use crate::scalar::Scalar;
-use crate::theta::{BlockKind, Layout};
 
 use super::scene;
 
 /// The parameter `area` of plane maps.
-pub(super) const AREA: ParameterSpec = ParameterSpec {
+pub const AREA: ParameterSpec = ParameterSpec {
     name: "area",
     default: "off",
     meaning: "on: weight source points by the area element abs(det dh/dp), for both sides filled uniformly (masks); off: as they are",
 };
 
 /// A basis of functions of the plane.
-pub(super) trait PlaneBasis: Clone + Send + Sync + 'static {
+pub trait PlaneBasis: Clone + Send + Sync + 'static {
     /// Return the number of functions.
     fn num_terms(&self) -> usize;
 
@@ -112,7 +113,7 @@ fn folds<B: PlaneBasis>(basis: &B, scene: &Scene<'_>) -> Option<String> {
 }
 
 /// Build the model of a basis; theta holds the coefficients of x, then those of y.
-pub(super) fn warp<B: PlaneBasis>(basis: B, area: bool, basin: Basin) -> Model {
+pub fn warp<B: PlaneBasis>(basis: B, area: bool, basin: Basin) -> Model {
     let k = basis.num_terms();
     let layout = Layout::new(&[("coefficients", "target units", BlockKind::Vector(2 * k))]);
     let mut model =

@@ -1,7 +1,8 @@
 //! What the examinations of the models share: the spread of a point set, half turns, sides of a plane.
 
-use crate::linalg::symmetric_eigen;
-use crate::points::Points;
+use cfpose_kernel::points::Points;
+
+use crate::geometry::linalg::symmetric_eigen;
 
 /// Relative standard deviation below which a point set has no extent in a direction.
 const FLAT: f64 = 1e-7;
@@ -13,13 +14,13 @@ fn principal(points: &Points) -> ([f64; 3], [[f64; 3]; 3]) {
 }
 
 /// Return the number of directions in which a point set has extent.
-pub(super) fn spread_rank(points: &Points) -> usize {
+pub fn spread_rank(points: &Points) -> usize {
     let (deviations, _) = principal(points);
     deviations.iter().filter(|deviation| **deviation > FLAT * deviations[0]).count()
 }
 
 /// Report a set whose spread has fewer than `needed` of `dim` directions.
-pub(super) fn spread_warnings(points: &Points, dim: usize, needed: usize) -> Vec<String> {
+pub fn spread_warnings(points: &Points, dim: usize, needed: usize) -> Vec<String> {
     let rank = spread_rank(points);
     if rank >= needed {
         return Vec::new();
@@ -34,13 +35,13 @@ pub(super) fn spread_warnings(points: &Points, dim: usize, needed: usize) -> Vec
 }
 
 /// Report a linear map that reverses orientation.
-pub(super) fn reflection_warning(determinant: f64) -> Option<String> {
+pub fn reflection_warning(determinant: f64) -> Option<String> {
     (determinant < 0.0)
         .then(|| "the map reverses orientation (det A < 0); start with reflections=forbid to exclude it".to_string())
 }
 
 /// A half turn about an axis through the mean of a point set.
-pub(super) struct HalfTurn {
+pub struct HalfTurn {
     /// Rotation matrix, row by row.
     pub rotation: [f64; 9],
     /// Displacement: x -> rotation x + shift.
@@ -57,7 +58,7 @@ impl HalfTurn {
 }
 
 /// Return the half turns about the principal axes of a 3-D point set: the symmetries that most shapes with one have.
-pub(super) fn half_turns(points: &Points) -> Vec<HalfTurn> {
+pub fn half_turns(points: &Points) -> Vec<HalfTurn> {
     let (_, axes) = principal(points);
     let mean = points.mean();
     axes.iter()
@@ -76,13 +77,13 @@ pub(super) fn half_turns(points: &Points) -> Vec<HalfTurn> {
 }
 
 /// Return the principal axis of least extent and whether the set is flat along it.
-pub(super) fn normal(points: &Points) -> ([f64; 3], bool) {
+pub fn normal(points: &Points) -> ([f64; 3], bool) {
     let (deviations, axes) = principal(points);
     (axes[2], deviations[2] <= FLAT * deviations[0])
 }
 
 /// Report points at negative depth: all of them, or some. `depth` maps a point to its depth.
-pub(super) fn depth_warnings(points: &Points, depth: impl Fn([f64; 3]) -> f64) -> (Vec<String>, bool) {
+pub fn depth_warnings(points: &Points, depth: impl Fn([f64; 3]) -> f64) -> (Vec<String>, bool) {
     let behind = (0..points.len()).filter(|k| depth(points.point(*k)) <= 0.0).count();
     if behind == points.len() {
         return (vec!["all points lie behind the camera: not a view of the scene".to_string()], true);

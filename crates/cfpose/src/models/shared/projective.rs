@@ -1,16 +1,17 @@
 //! What the projective models share: the unit-sphere relation, the image-plane relation, and the area element.
 
-use crate::block::Factored;
+use cfpose_kernel::map::Factored;
+use cfpose_kernel::scalar::Scalar;
+
 use crate::entry::{EntryError, ParameterSpec, Parameters};
+use crate::geometry::theta::Layout;
 use crate::model::{Map, Model, PointKind, Relations, TargetSide, UnitRay, unit3};
-use crate::scalar::Scalar;
-use crate::theta::Layout;
 
 /// Depth below which a point has no image.
 const MIN_DEPTH: f64 = 1e-9;
 
 /// The linear part y = A(theta) m + b(theta) of a projective model.
-pub(super) trait Linear: Copy + Send + Sync + 'static {
+pub trait Linear: Copy + Send + Sync + 'static {
     /// Write A (3 x 3, row by row) and b; both arrive filled with zeros.
     fn affine<S: Scalar>(&self, theta: &[S], a: &mut [S], b: &mut [S]);
 }
@@ -29,7 +30,7 @@ struct OnPlane<L> {
 
 /// Return 1 / depth^3, the area element of a plane and of any homography up to a factor, and 0 behind the camera.
 #[inline(always)]
-pub(super) fn area_element<S: Scalar>(depth: S) -> S {
+pub fn area_element<S: Scalar>(depth: S) -> S {
     let (limit, one) = (depth.constant(MIN_DEPTH), depth.constant(1.0));
     let inverse = depth.select_less(limit, one, depth).recip();
     depth.select_less(limit, depth.constant(0.0), inverse * inverse * inverse)
@@ -69,7 +70,7 @@ impl<L: Linear> Map<3, 3, 2> for OnPlane<L> {
 
 /// Divide by the depth; behind the camera the numbers are finite and mean nothing.
 #[inline(always)]
-pub(super) fn perspective<S: Scalar>(y: [S; 3]) -> [S; 2] {
+pub fn perspective<S: Scalar>(y: [S; 3]) -> [S; 2] {
     let (limit, one) = (y[2].constant(MIN_DEPTH), y[2].constant(1.0));
     let inverse = y[2].select_less(limit, one, y[2]).recip();
     [y[0] * inverse, y[1] * inverse]
@@ -95,26 +96,26 @@ enum Relation {
 }
 
 /// The parameter `relation`.
-pub(super) const RELATION: ParameterSpec = ParameterSpec {
+pub const RELATION: ParameterSpec = ParameterSpec {
     name: "relation",
     default: "sphere",
     meaning: "sphere: unit rays, the paper's; plane: image points (perspective division, points behind the camera get weight 0)",
 };
 
 /// The parameter `area` of plane scenes.
-pub(super) const AREA: ParameterSpec = ParameterSpec {
+pub const AREA: ParameterSpec = ParameterSpec {
     name: "area",
     default: "off",
     meaning: "on: weight source points by the area element 1/z^3, for both sides filled uniformly (masks); off: as they are",
 };
 
 /// Return whether the parameter `area` is on.
-pub(super) fn area_of(parameters: &Parameters) -> Result<bool, EntryError> {
+pub fn area_of(parameters: &Parameters) -> Result<bool, EntryError> {
     parameters.choice("area", &[("off", false), ("on", true)])
 }
 
 /// Build the projective model `name` from its linear part and the parameters `relation` and, where declared, `area`.
-pub(super) fn projective<L: Linear>(
+pub fn projective<L: Linear>(
     name: &str,
     layout: Layout,
     linear: L,

@@ -1,6 +1,6 @@
 //! Normals of a point set, from the neighbours of each point.
 
-use crate::neighbours::Neighbours;
+use crate::distances::neighbours::Neighbours;
 
 /// Neighbours that a normal is fitted to, the point itself included.
 const NORMAL_NEIGHBOURS: usize = 8;
@@ -53,7 +53,7 @@ fn normal2(c: &[[f64; 3]; 3]) -> Option<[f64; 3]> {
 
 /// Return the axis of least spread of a spatial neighbourhood, `None` for one that is no surface.
 fn normal3(c: &[[f64; 3]; 3]) -> Option<[f64; 3]> {
-    let (values, axis) = crate::linalg::least_axis3(c);
+    let (values, axis) = crate::geometry::linalg::least_axis3(c);
     // On a curve in space every direction across it is a normal: distances to points serve there.
     let surface = values[2] <= FLAT * FLAT * values[1] && values[1] > 1e-12 * values[0];
     surface.then_some(axis)

@@ -2,11 +2,13 @@
 
 use std::f64::consts::PI;
 
-use crate::family::{FamilyEntry, Separable, SeparableFamily};
-use crate::scalar::Scalar;
+use cfpose_kernel::family::{Separable, SeparableFamily};
+use cfpose_kernel::scalar::Scalar;
+
+use crate::entry::FamilyEntry;
 
 /// x, sin(pi x), x cos(pi x), x^2, sin^2(pi x), cos(pi x) of each coordinate, with a coefficient matrix or without.
-pub(super) struct Trig {
+pub struct Trig {
     pub coefficients: Option<Vec<f64>>,
 }
 
@@ -45,7 +47,7 @@ impl SeparableFamily for Trig {
 }
 
 /// The basis by itself, which `orthonormalised` knows by this name beside the families of the table.
-pub(super) const ENTRY: FamilyEntry = FamilyEntry {
+pub const ENTRY: FamilyEntry = FamilyEntry {
     name: "trig",
     summary: "the basis of the paper's functions, six of each coordinate, not combined",
     parameters: &[],

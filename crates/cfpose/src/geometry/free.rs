@@ -10,7 +10,7 @@ use cfpose_optim::manifold::{Manifold, Product};
 use cfpose_optim::masked::Masked;
 
 use crate::entry::{BuildError, EntryError};
-use crate::theta::{BlockKind, Layout};
+use crate::geometry::theta::{BlockKind, Layout};
 
 mod euler;
 

@@ -2,7 +2,7 @@
 
 use cfpose_optim::manifold::{Manifold, Rotation3, norm3};
 
-use crate::theta::Layout;
+use crate::geometry::theta::Layout;
 
 /// A rigid motion `target_from_source`: x -> rotation x + translation.
 #[derive(Debug, Clone, Copy, PartialEq)]

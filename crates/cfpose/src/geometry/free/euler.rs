@@ -1,10 +1,10 @@
 //! The rotations of which only some Euler angles move.
 
+use cfpose_kernel::scalar::Scalar;
 use cfpose_optim::manifold::{Manifold, Rotation3};
 use num_dual::HyperDual64;
 
-use crate::scalar::Scalar;
-use crate::theta::{Angle, euler_of_rotation, rotation_of_euler};
+use crate::geometry::theta::{Angle, euler_of_rotation, rotation_of_euler};
 
 /// Rotations R = Rz Ry Rx with one or two free angles; ambient coordinates are the matrix, row by row.
 ///

@@ -1,9 +1,10 @@
 //! Normalisation of the feature space: both sides with the statistics of the target.
 
-use crate::block::Transform;
+use cfpose_kernel::map::Transform;
+use cfpose_kernel::points::Points;
+
 use crate::entry::{EntryError, ParameterSpec, Parameters};
 use crate::error::Error;
-use crate::points::Points;
 
 /// Fits the affine transform of the feature space from the target points mapped into it.
 ///
@@ -123,7 +124,7 @@ impl Normaliser for Whiten {
     fn fit(&self, target: &Points) -> Result<Transform, Error> {
         let dim = target.dim();
         let covariance = target.covariance();
-        let (values, vectors) = crate::linalg::symmetric_eigen(&covariance, dim);
+        let (values, vectors) = crate::geometry::linalg::symmetric_eigen(&covariance, dim);
         let largest = values.iter().fold(0.0_f64, |a, b| a.max(*b));
         if !(largest > 0.0 && largest.is_finite()) {
             return Err(no_spread("whiten"));

@@ -102,3 +102,48 @@ mod tests {
         }
     }
 }
+
+/// Solve (H + damping diag H) x = g for a symmetric positive semi-definite H (n x n).
+pub(crate) fn solve_normal(n: usize, h: &[f64], g: &[f64], damping: f64) -> Option<Vec<f64>> {
+    use faer::linalg::solvers::Solve;
+    let trace: f64 = (0..n).map(|i| h[i * n + i]).sum();
+    let matrix = faer::Mat::from_fn(n, n, |i, j| {
+        let ridge = if i == j { damping * h[i * n + i] + 1e-14 * trace } else { 0.0 };
+        h[i * n + j] + ridge
+    });
+    let factor = matrix.llt(faer::Side::Lower).ok()?;
+    let solution = factor.solve(faer::Mat::from_fn(n, 1, |i, _| g[i]));
+    let x: Vec<f64> = (0..n).map(|i| solution[(i, 0)]).collect();
+    x.iter().all(|v| v.is_finite()).then_some(x)
+}
+
+/// Add the outer product scale v v' to the lower triangle of h.
+pub(crate) fn add_outer(h: &mut [f64], v: &[f64], scale: f64) {
+    let n = v.len();
+    for i in 0..n {
+        let factor = scale * v[i];
+        for j in 0..=i {
+            h[i * n + j] += factor * v[j];
+        }
+    }
+}
+
+/// Copy the lower triangle to the upper.
+pub(crate) fn symmetrise(n: usize, h: &mut [f64]) {
+    for i in 0..n {
+        for j in 0..i {
+            h[j * n + i] = h[i * n + j];
+        }
+    }
+}
+
+/// Return the inverse of a symmetric positive definite matrix.
+pub(crate) fn invert(n: usize, h: &[f64]) -> Option<Vec<f64>> {
+    let mut out = vec![0.0; n * n];
+    for j in 0..n {
+        let unit: Vec<f64> = (0..n).map(|i| f64::from(u8::from(i == j))).collect();
+        let column = solve_normal(n, h, &unit, 0.0)?;
+        (0..n).for_each(|i| out[i * n + j] = column[i]);
+    }
+    Some(out)
+}

@@ -2,8 +2,8 @@
 
 use faer::Mat;
 
-use crate::free::columns;
-use crate::theta::{BlockKind, Layout};
+use crate::geometry::free::columns;
+use crate::geometry::theta::{BlockKind, Layout};
 
 /// Relative singular value below which a direction is undetermined.
 const UNDETERMINED: f64 = 1e-7;

@@ -4,14 +4,14 @@ use rand::RngExt;
 use rand_chacha::ChaCha12Rng;
 
 /// Permute rows: Fisher-Yates from the end, one draw each.
-pub(super) fn shuffle<T>(rows: &mut [T], rng: &mut ChaCha12Rng) {
+pub fn shuffle<T>(rows: &mut [T], rng: &mut ChaCha12Rng) {
     for k in (1..rows.len()).rev() {
         rows.swap(k, rng.random_range(0..=k));
     }
 }
 
 /// Add `count` points, D uniforms each, in the bounding box of the points enlarged by a fifth about its centre.
-pub(super) fn add_uniform<const D: usize>(points: &mut Vec<[f64; D]>, count: usize, rng: &mut ChaCha12Rng) {
+pub fn add_uniform<const D: usize>(points: &mut Vec<[f64; D]>, count: usize, rng: &mut ChaCha12Rng) {
     if points.is_empty() {
         return;
     }

@@ -5,10 +5,10 @@ use std::fmt;
 use faer::linalg::matmul::matmul;
 use faer::{Accum, Mat, Par, Side};
 
-use crate::block::MapBlock;
-use crate::family::{BasisBlock, DynFamily};
-use crate::isa::Isa;
-use crate::points::{BLOCK, Points};
+use cfpose_kernel::family::{BasisBlock, DynFamily};
+use cfpose_kernel::isa::Isa;
+use cfpose_kernel::map::MapBlock;
+use cfpose_kernel::points::{BLOCK, Points};
 
 /// Gram matrices of values and of gradients, num x num.
 pub(crate) struct GramPair {

@@ -1,11 +1,12 @@
 //! Trimmed closest point: the refinement of a fit whose noise is small against the shape.
 //!
 //! Exact without noise; with noise the nearest point is not the true one, and the estimate is biased: gate it by the
-//! estimated noise (method.md, section 7).
+//! estimated noise (docs/method.md, *Refinement*).
 
 use super::normals::Normals;
-use super::{Mover, add_outer, invert, regions, solve_normal, symmetrise};
-use crate::neighbours::Neighbours;
+use super::{Mover, regions};
+use crate::distances::neighbours::Neighbours;
+use crate::geometry::linalg::{add_outer, invert, solve_normal, symmetrise};
 
 /// Pairs of one region share the errors of the shape there: so many form one group of the sandwich covariance.
 const GROUP: usize = 48;

@@ -3,10 +3,11 @@
 //! Feature means alone can agree by a noise estimate that swallows the misfit. Distances cannot: where a pose is wrong,
 //! neighbouring points miss the shape in the same direction.
 
+use cfpose_kernel::points::Points;
+
 use super::normals::Normals;
 use super::regions;
-use crate::neighbours::Neighbours;
-use crate::points::Points;
+use crate::distances::neighbours::Neighbours;
 
 /// Points of each side that are asked, at most.
 const MAX_QUERIES: usize = 1000;
@@ -181,61 +182,4 @@ fn coherence(asked: &[Residual], limit: f64, spacing: f64) -> f64 {
     let chance = num_regions as f64 / count as f64;
     let share = (common / total - chance) / (1.0 - chance);
     (share * (1.0 - floor / total)).clamp(0.0, 1.0)
-}
-
-/// How the two sets were sampled, which decides kappa (method.md, section 4).
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Sampling {
-    /// The same physical points: kappa = 0.
-    Same,
-    /// One set is a random part of the other: kappa = abs(1/N - 1/M).
-    Thinned,
-    /// Sampled independently from one shape: kappa = 1/N + 1/M.
-    Independent,
-}
-
-impl Sampling {
-    /// Names, as the command line gives them.
-    pub const NAMES: [(&'static str, Sampling); 3] =
-        [("same", Sampling::Same), ("thinned", Sampling::Thinned), ("independent", Sampling::Independent)];
-
-    /// Return the name.
-    pub fn name(self) -> &'static str {
-        match self {
-            Sampling::Same => "same",
-            Sampling::Thinned => "thinned",
-            Sampling::Independent => "independent",
-        }
-    }
-
-    /// Return kappa for effective numbers of points.
-    ///
-    /// ```
-    /// use cfpose::robust::support::Sampling;
-    /// assert_eq!(Sampling::Thinned.kappa(50.0, 100.0), 0.01);
-    /// assert_eq!(Sampling::Same.kappa(50.0, 100.0), 0.0);
-    /// ```
-    pub fn kappa(self, num_target: f64, num_source: f64) -> f64 {
-        match self {
-            Sampling::Same => 0.0,
-            Sampling::Thinned => (num_target.recip() - num_source.recip()).abs(),
-            Sampling::Independent => num_target.recip() + num_source.recip(),
-        }
-    }
-
-    /// Choose by nearest-neighbour distances after the fit against the spacing, never from the residual: were kappa fitted,
-    /// J would be 1 by construction and detect nothing.
-    ///
-    /// Same points: the median distance is that of the noise, seen along the normals. Independent ones: about the spacing,
-    /// with the noise on top. Where the noise hides the spacing, the numbers of points (`counts`: target, source) decide:
-    /// equal within 3 % counts as the same points. `dim` is the dimension of the feature space.
-    pub fn detect(support: &Support, dim: usize, counts: [usize; 2]) -> Self {
-        let (noise, spacing) = (support.normal_sigma.powi(2) * dim as f64, support.source_spacing.powi(2));
-        let visible = noise < 0.5 * spacing;
-        if visible && support.mutual < 0.75 && support.median.powi(2) > 0.4 * spacing + 0.65 * noise {
-            return Sampling::Independent;
-        }
-        let ratio = counts[0] as f64 / counts[1] as f64;
-        if (ratio - 1.0).abs() < 0.03 { Sampling::Same } else { Sampling::Thinned }
-    }
 }

@@ -4,7 +4,7 @@ use std::num::NonZero;
 
 use kiddo::{ImmutableKdTree, SquaredEuclidean};
 
-use crate::points::Points;
+use cfpose_kernel::points::Points;
 
 mod assignment;
 
