@@ -4,7 +4,7 @@
 
 use std::path::{Path, PathBuf};
 
-use cfpose::{Execution, Points, Prepared, Registry, Settings, Start, Supervision};
+use cfpose::{Estimator, Execution, Points, Registry, Settings, Start, Supervision};
 use cfpose_vision::{ReadOptions, read_points};
 
 /// A, row by row, and the cost.
@@ -27,13 +27,13 @@ impl Fit {
 fn register(source: &Points, target: &Points) -> Fit {
     let registry = Registry::default();
     let settings = Settings {
-        features: "hermite[degree=4]".into(),
+        features: Some("hermite[degree=4]".into()),
         normaliser: Some("whiten".into()),
-        start: Start::Named("whitened-affine".into()),
+        start: Some(Start::Named("whitened-affine".into())),
         ..Settings::preset("paper", "affine2").unwrap()
     };
-    let prepared = Prepared::new(&registry, &settings, source, target, &Execution::default()).unwrap();
-    let estimate = prepared.solve(&registry, Supervision::default()).unwrap();
+    let estimator = Estimator::new(&registry, &settings, source, target, &Execution::default()).unwrap();
+    let estimate = estimator.solve(Supervision::default()).unwrap();
     assert!(estimate.usable() && estimate.conditioning.rank == 6, "{:?}", estimate.warnings);
     Fit { a: [estimate.theta[0], estimate.theta[1], estimate.theta[2], estimate.theta[3]], cost: estimate.outcome.cost }
 }

@@ -4,19 +4,20 @@
 
 use std::sync::Arc;
 
+use cfpose_kernel::isa::Isa;
+use cfpose_kernel::map::Transform;
+use cfpose_kernel::means::Execution;
+use cfpose_kernel::points::Points;
 use cfpose_optim::manifold::Manifold;
 use cfpose_optim::problem::LeastSquares;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha12Rng;
 
-use crate::block::Transform;
-use crate::entry::{BuildContext, Registry};
+use crate::entry::BuildContext;
 use crate::error::Error;
-use crate::isa::Isa;
-use crate::means::Execution;
 use crate::model::{Model, PointKind};
-use crate::points::Points;
 use crate::problem::{MomentProblem, adapt, map_points, transformed};
+use crate::registry::Registry;
 
 /// Random points and a random theta on which a model can be checked.
 pub struct Sample {

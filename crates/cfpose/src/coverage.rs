@@ -2,12 +2,13 @@
 
 use std::fmt;
 
+use cfpose_kernel::family::DynFamily;
+use cfpose_kernel::points::Points;
 use faer::{Col, Mat, Side};
 
-use crate::entry::{BuildContext, Registry};
+use crate::entry::BuildContext;
 use crate::error::Error;
-use crate::family::DynFamily;
-use crate::points::Points;
+use crate::registry::Registry;
 
 mod motion;
 mod scene;

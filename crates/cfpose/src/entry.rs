@@ -1,15 +1,8 @@
-//! Named tables and the registry that a program can extend.
+//! What a table of named entries is: `name[key=value,...]`, its look-up, and what an entry is built from.
 
+use cfpose_kernel::family::{Concatenated, DynFamily};
+use cfpose_kernel::points::Points;
 pub use cfpose_optim::entry::{EntryError, ParameterSpec, Parameters, parse_spec, suggest};
-use cfpose_optim::solver::{Solver, SolverEntry};
-
-use crate::error::Error;
-use crate::family::{Concatenated, DynFamily, FamilyEntry};
-use crate::model::{Model, ModelEntry};
-use crate::normalise::{Normaliser, NormaliserEntry};
-use crate::points::Points;
-use crate::start::{StartEntry, StartStrategy};
-use crate::weighting::{Weighting, WeightingEntry};
 
 /// What the library knows when it builds an entry: some entries depend on the data or on bytes that the caller read.
 #[derive(Debug, Clone, Copy, Default)]
@@ -24,7 +17,8 @@ pub struct BuildContext<'a> {
     pub seed: u64,
     /// Bytes handed in by the caller (learned weights): the library opens no file.
     pub bytes: Option<&'a [u8]>,
-    /// Families that an entry made from another family may name; [`Registry::family`] fills in its own.
+    /// Families that an entry made from another family may name; [`Registry::family`](crate::registry::Registry::family)
+    /// fills in its own.
     pub families: &'a [&'static FamilyEntry],
 }
 
@@ -44,42 +38,28 @@ pub enum BuildError {
     },
 }
 
-/// All named entries a program can choose from. [`Registry::default`] holds the library's tables; push your own.
-///
-/// ```
-/// use cfpose::{BuildContext, Registry};
-/// let registry = Registry::default();
-/// let model = registry.model("rigid3", &BuildContext::default()).unwrap();
-/// assert_eq!(model.dim(), 3);
-/// let error = registry.model("rigid33", &BuildContext::default()).err().unwrap();
-/// assert!(error.to_string().contains("did you mean rigid3"));
-/// ```
-#[derive(Clone)]
-pub struct Registry {
-    /// Transformation models.
-    pub models: Vec<&'static ModelEntry>,
-    /// Feature families.
-    pub families: Vec<&'static FamilyEntry>,
-    /// Normalisers.
-    pub normalisers: Vec<&'static NormaliserEntry>,
-    /// Weightings.
-    pub weightings: Vec<&'static WeightingEntry>,
-    /// Start strategies.
-    pub starts: Vec<&'static StartEntry>,
-    /// Solvers.
-    pub solvers: Vec<&'static SolverEntry>,
+/// Build a family from its parameters and the context.
+pub type BuildFamily = fn(&Parameters, &BuildContext<'_>) -> Result<Box<dyn DynFamily>, BuildError>;
+
+/// One line of the family table.
+pub struct FamilyEntry {
+    /// Name, kebab-case, equal to its file name.
+    pub name: &'static str,
+    /// One line for lists.
+    pub summary: &'static str,
+    /// Parameters with defaults.
+    pub parameters: &'static [ParameterSpec],
+    /// Paper equation or reference.
+    pub source: &'static str,
+    /// Markdown for the generated reference page: formula, order of the functions, when to use it.
+    pub details: &'static str,
+    /// Build the family.
+    pub build: BuildFamily,
 }
 
-impl Default for Registry {
-    fn default() -> Self {
-        Self {
-            models: crate::models::ALL.to_vec(),
-            families: crate::families::ALL.to_vec(),
-            normalisers: crate::normalise::ALL.to_vec(),
-            weightings: crate::weighting::ALL.to_vec(),
-            starts: crate::start::ALL.to_vec(),
-            solvers: cfpose_optim::solvers::ALL.to_vec(),
-        }
+impl std::fmt::Debug for FamilyEntry {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "FamilyEntry({})", self.name)
     }
 }
 
@@ -94,26 +74,6 @@ pub trait NamedEntry {
     /// Return the source.
     fn source(&self) -> &'static str;
 }
-
-macro_rules! named_entry {
-    ($($entry:ty),*) => {$(
-        impl NamedEntry for $entry {
-            fn name(&self) -> &'static str {
-                self.name
-            }
-            fn summary(&self) -> &'static str {
-                self.summary
-            }
-            fn parameters(&self) -> &'static [ParameterSpec] {
-                self.parameters
-            }
-            fn source(&self) -> &'static str {
-                self.source
-            }
-        }
-    )*};
-}
-named_entry!(ModelEntry, FamilyEntry, NormaliserEntry, WeightingEntry, StartEntry, SolverEntry);
 
 /// Find an entry by `name[key=value,...]` and resolve its parameters.
 ///
@@ -134,81 +94,17 @@ pub fn find<'a, E: NamedEntry>(
     Ok((entry, parameters))
 }
 
-impl Registry {
-    /// Build a model by name.
-    ///
-    /// # Errors
-    /// [`Error::Build`] for an unknown name or bad parameters.
-    pub fn model(&self, spec: &str, context: &BuildContext<'_>) -> Result<Model, Error> {
-        let (entry, parameters) = find("model", &self.models, spec).map_err(BuildError::from)?;
-        Ok((entry.build)(&parameters, context)?)
-    }
-
-    /// Build a feature family by name, or a weighted concatenation of several.
-    ///
-    /// ```
-    /// use cfpose::{BuildContext, Registry};
-    /// let context = BuildContext { dim: 2, ..BuildContext::default() };
-    /// let family = Registry::default().family("2*hermite[degree=2] + 0.5*fourier[k=1]", &context).unwrap();
-    /// assert_eq!(family.num_features(2), 5 + 4);
-    /// ```
-    ///
-    /// # Errors
-    /// [`Error::Build`] for an unknown name, bad parameters, or data the family cannot use.
-    pub fn family(&self, spec: &str, context: &BuildContext<'_>) -> Result<Box<dyn DynFamily>, Error> {
-        Ok(build_family(spec, &BuildContext { families: &self.families, ..*context })?)
-    }
-
-    /// Build a normaliser by name.
-    ///
-    /// # Errors
-    /// [`Error::Build`] for an unknown name or bad parameters.
-    pub fn normaliser(&self, spec: &str) -> Result<Box<dyn Normaliser>, Error> {
-        let (entry, parameters) = find("normaliser", &self.normalisers, spec).map_err(BuildError::from)?;
-        Ok((entry.build)(&parameters).map_err(BuildError::from)?)
-    }
-
-    /// Build a weighting by name.
-    ///
-    /// # Errors
-    /// [`Error::Build`] for an unknown name or bad parameters.
-    pub fn weighting(&self, spec: &str) -> Result<Box<dyn Weighting>, Error> {
-        let (entry, parameters) = find("weighting", &self.weightings, spec).map_err(BuildError::from)?;
-        Ok((entry.build)(&parameters).map_err(BuildError::from)?)
-    }
-
-    /// Build a start strategy by name.
-    ///
-    /// # Errors
-    /// [`Error::Build`] for an unknown name or bad parameters.
-    pub fn start(&self, spec: &str) -> Result<Box<dyn StartStrategy>, Error> {
-        let (entry, parameters) = find("start", &self.starts, spec).map_err(BuildError::from)?;
-        Ok((entry.build)(&parameters).map_err(BuildError::from)?)
-    }
-
-    /// Build a solver by name.
-    ///
-    /// # Errors
-    /// [`Error::Build`] for an unknown name or bad parameters.
-    pub fn solver(&self, spec: &str) -> Result<Box<dyn Solver>, Error> {
-        let (entry, parameters) = find("solver", &self.solvers, spec).map_err(BuildError::from)?;
-        Ok((entry.build)(&parameters).map_err(BuildError::from)?)
-    }
-}
-
 /// Deepest nesting of brackets in a name.
 const MAX_DEPTH: usize = 8;
 
-/// Build a family, or a weighted concatenation `2*a + 0.5*b[key=value]`, from the families of the context (the library's own
-/// where it names none).
+/// Build a family, or a weighted concatenation `2*a + 0.5*b[key=value]`, from the families that the context names.
 ///
 /// # Errors
 /// [`BuildError`] for bad syntax, an unknown name, bad parameters, or data the family cannot use.
 pub fn build_family(spec: &str, context: &BuildContext<'_>) -> Result<Box<dyn DynFamily>, BuildError> {
-    let table = if context.families.is_empty() { crate::families::ALL } else { context.families };
     let mut parts = Vec::new();
     for (weight, name) in split_sum(spec)? {
-        let (entry, parameters) = find("family", table, name)?;
+        let (entry, parameters) = find("family", context.families, name)?;
         let family = (entry.build)(&parameters, context)?;
         if context.dim > 0 && !family.supports(context.dim) {
             let problem = format!("the family does not exist in {} dimension(s)", context.dim);

@@ -1,8 +1,9 @@
 //! The error type of the library.
 
+use cfpose_kernel::points::PointsError;
+
 use crate::entry::BuildError;
-use crate::points::PointsError;
-use crate::theta::ThetaError;
+use crate::geometry::theta::ThetaError;
 
 /// Everything that can go wrong before or around an estimate; not converging is a status, not an error.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]

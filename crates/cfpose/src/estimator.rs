@@ -8,17 +8,18 @@ use cfpose_optim::manifold::Manifold;
 use cfpose_optim::outcome::Counts;
 use cfpose_optim::{LeastSquares, Observer, Outcome, Status};
 
-use crate::conditioning::{Conditioning, observe};
 use crate::criteria::Criteria;
-use crate::entry::{BuildContext, Registry};
+use crate::distances::correspondence::{Correspondence, correspond, nearest_neighbours};
+use crate::entry::BuildContext;
 use crate::error::Error;
-use crate::free::Freedom;
-use crate::means::Execution;
+use crate::geometry::free::Freedom;
+use crate::geometry::pose::Pose;
 use crate::model::Model;
-use crate::points::Points;
-use crate::pose::Pose;
 use crate::problem::{Evaluation, MomentProblem, adapt, map_points};
-use crate::readout::{Correspondence, correspond, nearest_neighbours};
+use crate::registry::Registry;
+use crate::statistics::conditioning::{Conditioning, observe};
+use cfpose_kernel::means::Execution;
+use cfpose_kernel::points::Points;
 
 mod alternatives;
 mod candidate;
@@ -410,7 +411,7 @@ impl Estimator {
     }
 
     /// Return the homography (row by row) that a theta applies to image or plane points (x, y, 1) of the source, for models
-    /// that do; [`crate::homography`] brings it into the units of the files and decomposes it.
+    /// that do; [`crate::geometry::homography`] brings it into the units of the files and decomposes it.
     pub fn homography(&self, theta: &[f64]) -> Option<[f64; 9]> {
         self.model().homography.map(|matrix| matrix(theta))
     }

@@ -6,60 +6,63 @@
 //! * [`model`]: what an author of a transformation writes; [`models`]: the table.
 //! * [`family`]: what an author of feature functions writes; [`families`]: the table.
 //! * [`means`]: the hot loop; [`problem`]: residual and Jacobian; [`estimator`]: from names to an estimate.
-//! * [`statistics`], [`weighting`], [`robust`]: how sure an estimate is, and what is done about outliers.
-//! * [`entry::Registry`]: add your own entries and use every tool with them.
+//! * [`statistics`], [`distances`]: how sure an estimate is, and what is done about outliers.
+//! * [`registry`]: add your own entries and use every tool with them.
 //!
 //! The library opens no file, reads no clock, starts no thread and has no global state.
 
-pub mod block;
 pub mod check;
-pub mod conditioning;
 pub mod coverage;
 pub mod criteria;
+pub mod distances;
 pub mod entry;
 pub mod error;
 pub mod estimator;
 pub mod families;
-pub mod family;
-pub mod free;
-pub mod gram;
-pub mod homography;
-pub mod isa;
-pub mod jet;
-pub mod lane;
-mod linalg;
-pub mod means;
+pub mod geometry;
 pub mod model;
 pub mod models;
-pub mod moments;
-mod neighbours;
-pub mod normalise;
-pub mod points;
-pub mod pose;
 pub mod problem;
-pub mod readout;
-pub mod robust;
-pub mod scalar;
+pub mod registry;
 pub mod start;
 pub mod statistics;
 pub mod streams;
-pub mod theta;
-pub mod weighting;
 
+pub use cfpose_kernel::{isa, jet, lane, map as block, means, moments, points, scalar};
+pub use distances::correspondence as readout;
+pub use geometry::{free, homography, pose, theta};
+pub use problem::normalise;
+pub use statistics::{conditioning, gram, weighting};
+
+/// Feature families: what their authors write, and the line that each has in the table.
+pub mod family {
+    pub use cfpose_kernel::family::*;
+
+    pub use crate::entry::{BuildFamily, FamilyEntry};
+}
+
+/// Distances between points under their earlier name.
+pub mod robust {
+    pub use crate::distances::{closest_point, mixture};
+
+    /// Support of a fit by nearest neighbours, and how the two sets were sampled.
+    pub mod support {
+        pub use crate::distances::sampling::Sampling;
+        pub use crate::distances::support::Support;
+    }
+}
+
+pub use cfpose_kernel::{
+    Attribute, Execution, Family, Isa, Jet, Lane, Map, PointMap, Points, PointsError, Scalar, SeparableFamily,
+};
 pub use criteria::Criteria;
-pub use entry::{BuildContext, BuildError, Registry};
+pub use entry::{BuildContext, BuildError, FamilyEntry};
 pub use error::Error;
 pub use estimator::{Estimate, Estimator, Settings, Start, Supervision, Verdict, estimate};
-pub use family::{Family, FamilyEntry, SeparableFamily};
-pub use isa::Isa;
-pub use jet::Jet;
-pub use lane::Lane;
-pub use means::Execution;
-pub use model::{Findings, Map, Model, ModelEntry, PointMap, Scene};
-pub use points::{Attribute, Points, PointsError};
-pub use pose::{Pose, PoseError};
+pub use geometry::pose::{Pose, PoseError};
+pub use model::{Findings, Model, ModelEntry, Scene};
 pub use problem::MomentProblem;
-pub use scalar::Scalar;
+pub use registry::Registry;
 
 /// The walk-throughs of the documentation, compiled and run as tests.
 #[cfg(doctest)]

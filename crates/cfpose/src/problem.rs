@@ -2,28 +2,28 @@
 
 use std::sync::Arc;
 
+use cfpose_kernel::family::{DynFamily, QuadratureBlur};
+use cfpose_kernel::map::{DynMap, LiftedPoints, MapBlock, Transform};
+use cfpose_kernel::means::{Closure, Execution};
+use cfpose_kernel::moments::MomentPath;
+use cfpose_kernel::points::{BLOCK, Points, PointsError};
 use cfpose_optim::constraint::Constraints;
 use cfpose_optim::manifold::{Euclidean, Manifold, Product};
 use cfpose_optim::problem::{Capabilities, LeastSquares};
-use num_dual::{DualSVec64, HyperDual64};
+use num_dual::HyperDual64;
 
-use crate::block::{DynMap, LiftedPoints, MapBlock, Transform};
 use crate::error::Error;
-use crate::families::quadrature_blur::QuadratureBlur;
-use crate::family::DynFamily;
-use crate::means::{Closure, Execution};
 use crate::model::Model;
-use crate::moments::MomentPath;
-use crate::points::{BLOCK, Points, PointsError};
-use crate::scalar::Scalar;
 
 mod equality;
 mod evaluate;
 mod hyper;
 mod noise;
+pub mod normalise;
 mod setup;
 mod sparse;
 
+pub use crate::model::{DynRows, ResidualRows};
 pub use noise::Noise;
 pub use setup::Sides;
 pub(crate) use setup::{adapt, transformed};
@@ -31,42 +31,6 @@ use sparse::SparseMatrix;
 
 /// Sources of at least this many points are replaced by their moments where model and family allow it.
 const MOMENTS_FROM: usize = 256;
-
-/// Extra residual rows that depend on theta alone: priors, bending energy. Written over [`Scalar`] like everything else.
-pub trait ResidualRows: Send + Sync + 'static {
-    /// Return the number of rows.
-    fn num_rows(&self) -> usize;
-
-    /// Write the rows at ambient theta.
-    fn rows<S: Scalar>(&self, theta: &[S], out: &mut [S]);
-}
-
-/// [`ResidualRows`], erased; implemented for every author type.
-pub trait DynRows: Send + Sync {
-    /// Return the number of rows.
-    fn num_rows(&self) -> usize;
-    /// Write the rows.
-    fn values(&self, theta: &[f64], out: &mut [f64]);
-    /// Write the rows with first derivatives.
-    fn duals(&self, theta: &[DualSVec64<8>], out: &mut [DualSVec64<8>]);
-    /// Write the rows with second derivatives.
-    fn hyper(&self, theta: &[HyperDual64], out: &mut [HyperDual64]);
-}
-
-impl<R: ResidualRows> DynRows for R {
-    fn num_rows(&self) -> usize {
-        ResidualRows::num_rows(self)
-    }
-    fn values(&self, theta: &[f64], out: &mut [f64]) {
-        self.rows(theta, out);
-    }
-    fn duals(&self, theta: &[DualSVec64<8>], out: &mut [DualSVec64<8>]) {
-        self.rows(theta, out);
-    }
-    fn hyper(&self, theta: &[HyperDual64], out: &mut [HyperDual64]) {
-        self.rows(theta, out);
-    }
-}
 
 /// One pair of point sets that must match; groups share theta.
 #[derive(Clone)]
@@ -265,7 +229,7 @@ impl MomentProblem {
     }
 
     /// Return the instruction set of the sums.
-    pub(crate) fn isa(&self) -> crate::isa::Isa {
+    pub(crate) fn isa(&self) -> cfpose_kernel::isa::Isa {
         self.execution.isa
     }
 

@@ -1,11 +1,12 @@
 //! Start strategies: where a solve begins when the user gives no theta.
 
+use cfpose_kernel::points::Points;
+
 use crate::entry::{EntryError, ParameterSpec, Parameters, parse_spec};
 use crate::error::Error;
-use crate::free::Freedom;
+use crate::geometry::free::Freedom;
+use crate::geometry::theta::{euler_of_rotation, rotation_of_euler};
 use crate::model::Model;
-use crate::points::Points;
-use crate::theta::{euler_of_rotation, rotation_of_euler};
 
 mod grid;
 mod identity;

@@ -1,9 +1,10 @@
 //! The scenario table: a new scenario is one file and one line here.
 
 mod cloud3;
-pub mod curves;
 mod planar_curve;
-mod sampling;
+mod shared;
+
+pub use shared::curves;
 
 use crate::scenario::ScenarioEntry;
 

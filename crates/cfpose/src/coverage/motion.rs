@@ -1,10 +1,10 @@
 //! Words for directions of theta and for shapes.
 
+use cfpose_kernel::points::Points;
 use faer::linalg::solvers::Solve;
 use faer::{Mat, Side};
 
-use crate::points::Points;
-use crate::theta::{Layout, RotationForm};
+use crate::geometry::theta::{Layout, RotationForm};
 
 /// A share of motion below this is not mentioned.
 const SMALL: f64 = 1e-3;
@@ -12,7 +12,7 @@ const SMALL: f64 = 1e-3;
 /// Describe the shape of points: their dimension from the spread along principal axes.
 pub(super) fn describe_shape(points: &Points) -> String {
     let dim = points.dim();
-    let (values, vectors) = crate::linalg::symmetric_eigen(&points.covariance(), dim);
+    let (values, vectors) = crate::geometry::linalg::symmetric_eigen(&points.covariance(), dim);
     let rank = values[..dim].iter().filter(|value| **value > 1e-12 * values[0] && values[0] > 0.0).count();
     match (dim, rank) {
         (_, 0) => "all at one place".to_string(),

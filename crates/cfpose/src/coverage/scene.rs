@@ -2,21 +2,22 @@
 
 use std::sync::Arc;
 
+use cfpose_kernel::family::{BasisBlock, DynFamily};
+use cfpose_kernel::isa::Isa;
+use cfpose_kernel::map::{DynMap, LiftedPoints, MapBlock, Row, Transform};
+use cfpose_kernel::means::Execution;
+use cfpose_kernel::points::{BLOCK, Points};
 use cfpose_optim::manifold::Manifold;
 use faer::linalg::matmul::matmul;
 use faer::{Accum, Mat, Par, Scale};
 
 use super::significance;
-use crate::block::{DynMap, LiftedPoints, MapBlock, Row, Transform};
-use crate::entry::{BuildContext, Registry};
+use crate::entry::BuildContext;
 use crate::error::Error;
-use crate::family::{BasisBlock, DynFamily};
-use crate::gram::{coefficient_matrix, gradient_rows};
-use crate::isa::Isa;
-use crate::means::Execution;
 use crate::model::Model;
-use crate::points::{BLOCK, Points};
 use crate::problem::{adapt, map_points, transformed};
+use crate::registry::Registry;
+use crate::statistics::gram::{coefficient_matrix, gradient_rows};
 
 /// The points under the model at one theta: everything but the family.
 pub(super) struct Scene {

@@ -8,8 +8,9 @@ use serde::{Deserialize, Serialize};
 
 use super::pipeline::Stage;
 use super::stage::{Data, ReadyStage};
+use crate::distances::sampling::Sampling;
+use crate::distances::support::Support;
 use crate::problem::MomentProblem;
-use crate::robust::support::{Sampling, Support};
 use crate::statistics::{Randomness, Statistics, chi_square_tail};
 
 /// What a theta is the best fit of.

@@ -5,10 +5,10 @@ use serde::Serialize;
 
 use super::candidate::{By, Minimised};
 use super::verdict::Verdict;
-use crate::conditioning::Conditioning;
-use crate::pose::Pose;
-use crate::robust::support::Support;
+use crate::distances::support::Support;
+use crate::geometry::pose::Pose;
 use crate::statistics::Statistics;
+use crate::statistics::conditioning::Conditioning;
 
 /// Another theta that was found or is implied.
 #[derive(Debug, Clone, PartialEq)]

@@ -5,12 +5,13 @@ use super::candidate::{Candidate, PointFit};
 use super::pipeline::{NoiseModel, Outliers, Pipeline};
 use super::search::{Search, Stages};
 use super::stage::of_side;
+use crate::distances::neighbours::Neighbours;
+use crate::distances::sampling::thin;
+use crate::distances::support::Support;
+use crate::distances::{Mover, closest_point, mixture};
 use crate::error::Error;
-use crate::neighbours::Neighbours;
-use crate::points::{Points, thin};
-use crate::robust::support::Support;
-use crate::robust::{Mover, closest_point, mixture};
 use crate::streams::stream;
+use cfpose_kernel::points::Points;
 
 /// What came out of leaving outliers out.
 pub(super) struct Repaired {

@@ -8,12 +8,12 @@ use super::Supervision;
 use super::candidate::PointFit;
 use super::search::Search;
 use super::stage::of_side;
+use crate::distances::closest_point;
+use crate::distances::neighbours::Neighbours;
+use crate::distances::sampling::thin;
+use crate::distances::{Mover, spacing};
 use crate::error::Error;
 use crate::model::LinearKind;
-use crate::neighbours::Neighbours;
-use crate::points::thin;
-use crate::robust::closest_point;
-use crate::robust::{Mover, spacing};
 use crate::streams::stream;
 
 /// A pose of partial overlap.

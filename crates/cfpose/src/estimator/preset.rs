@@ -3,9 +3,9 @@
 use cfpose_optim::manifold::Manifold;
 
 use super::pipeline::{NoiseModel, Outliers, Pipeline, Stage};
-use crate::free::Freedom;
+use crate::geometry::free::Freedom;
+use crate::geometry::theta::BlockKind;
 use crate::model::{LinearKind, Model, Relations};
-use crate::theta::BlockKind;
 
 /// Points of each side in the annealed stages: enough for a start of the next stage.
 const COARSE_POINTS: usize = 800;

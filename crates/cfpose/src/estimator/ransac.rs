@@ -13,8 +13,8 @@ use super::candidate::{Candidate, PointFit};
 use super::pipeline::{Outliers, Pipeline};
 use super::search::{Search, Stages};
 use crate::error::Error;
-use crate::points::Points;
 use crate::streams::stream;
+use cfpose_kernel::points::Points;
 
 /// Rounds of k-means.
 const ROUNDS: usize = 20;

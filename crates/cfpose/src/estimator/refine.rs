@@ -4,8 +4,9 @@ use super::Parts;
 use super::candidate::{Candidate, PointFit};
 use super::pipeline::Pipeline;
 use super::stage::ReadyStage;
+use crate::distances::sampling::Sampling;
+use crate::distances::support::Support;
 use crate::error::Error;
-use crate::robust::support::{Sampling, Support};
 use crate::statistics::chi_square_tail;
 
 /// Refine a candidate where that gains.

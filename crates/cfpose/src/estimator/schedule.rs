@@ -8,10 +8,10 @@ use cfpose_optim::problem::LeastSquares;
 
 use super::solve::Runner;
 use super::stage::{ReadyStage, of_side};
+use crate::distances::sampling::thin;
 use crate::error::Error;
-use crate::points::thin;
+use crate::geometry::linalg::invert;
 use crate::problem::MomentProblem;
-use crate::robust::invert;
 use crate::statistics::{Randomness, feature_covariance};
 use crate::streams::stream;
 

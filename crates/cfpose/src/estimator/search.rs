@@ -13,10 +13,10 @@ use super::settings::Start;
 use super::stage::{Data, ReadyStage, Workbench};
 use super::{Parts, Supervision};
 use crate::error::Error;
+use crate::geometry::theta::BlockKind;
 use crate::model::Scene;
 use crate::start::StartContext;
 use crate::streams::stream;
-use crate::theta::BlockKind;
 
 /// Stages of a pipeline on one pair of point sets: built once, solved many times.
 pub(super) struct Stages {

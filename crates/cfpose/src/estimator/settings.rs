@@ -4,11 +4,11 @@ use cfpose_optim::Stopping;
 
 use super::pipeline::{Pipeline, Stage};
 use super::preset;
+use crate::distances::sampling::Sampling;
 use crate::entry::{BuildError, EntryError};
 use crate::error::Error;
-use crate::free::Freedom;
+use crate::geometry::free::Freedom;
 use crate::model::Model;
-use crate::robust::support::Sampling;
 
 /// Solver where neither the user nor the model names one.
 const SOLVER: &str = "levenberg-marquardt";

@@ -6,12 +6,13 @@ use super::candidate::{By, Candidate, WeightedAt};
 use super::continuous::Continuous;
 use super::stage::ReadyStage;
 use super::{Parts, Supervision};
+use crate::distances::closest_point::{self, ClosestPoint};
+use crate::distances::sampling::Sampling;
+use crate::distances::support::Support;
 use crate::error::Error;
 use crate::problem::MomentProblem;
-use crate::robust::closest_point::{self, ClosestPoint};
-use crate::robust::support::{Sampling, Support};
+use crate::statistics::weighting::Update;
 use crate::statistics::{self, Statistics};
-use crate::weighting::Update;
 
 /// Runs the solver of a stage under the stopping rules of the settings, and counts.
 pub(super) struct Runner<'a, 'b> {

@@ -8,19 +8,21 @@ use cfpose_optim::problem::LeastSquares;
 
 use super::Parts;
 use super::pipeline::{NoiseModel, Stage};
-use crate::block::LiftedPoints;
+use crate::distances::Mover;
+use crate::distances::neighbours::Neighbours;
+use crate::distances::sampling::Sampling;
+use crate::distances::sampling::thin;
+use crate::distances::support::Support;
 use crate::entry::BuildContext;
 use crate::error::Error;
-use crate::family::DynFamily;
 use crate::model::Model;
-use crate::neighbours::Neighbours;
-use crate::points::{Points, thin};
 use crate::problem::{MomentProblem, Sides, adapt, map_points};
-use crate::robust::Mover;
-use crate::robust::support::{Sampling, Support};
+use crate::statistics::weighting::Weighting;
 use crate::statistics::{self, Randomness};
 use crate::streams::stream;
-use crate::weighting::Weighting;
+use cfpose_kernel::family::DynFamily;
+use cfpose_kernel::map::LiftedPoints;
+use cfpose_kernel::points::Points;
 
 /// Point sets of an estimate, as the files hold them or a part of that.
 #[derive(Clone)]
@@ -58,7 +60,7 @@ impl Data {
 }
 
 /// Name the side of a fault in points.
-pub(super) fn of_side(side: &'static str) -> impl Fn(crate::points::PointsError) -> Error {
+pub(super) fn of_side(side: &'static str) -> impl Fn(cfpose_kernel::points::PointsError) -> Error {
     move |problem| Error::Points { side, problem }
 }
 

@@ -1,8 +1,10 @@
 //! Harmonics of the angle on the circle, for the epipolar model.
 
+use cfpose_kernel::family::{Family, General};
+use cfpose_kernel::scalar::Scalar;
+
+use crate::entry::FamilyEntry;
 use crate::entry::ParameterSpec;
-use crate::family::{Family, FamilyEntry, General};
-use crate::scalar::Scalar;
 
 /// Real and imaginary parts of z^n / n^decay, n = 1..=harmonics, z = x + i y.
 struct Angular {

@@ -1,14 +1,15 @@
 //! Products of Chebyshev polynomials of the first kind, orthogonal under the arcsine weight.
 
-use super::legendre::{PARAMETERS, SCALES};
-use super::monomial::KINDS;
+use cfpose_kernel::family::General;
+
 use super::polynomial::{Polynomial, recurrence_rows};
-use crate::family::{FamilyEntry, General};
+use super::shared::polynomials::{INTERVAL, KINDS, SCALES};
+use crate::entry::FamilyEntry;
 
 pub(super) const ENTRY: FamilyEntry = FamilyEntry {
     name: "chebyshev",
     summary: "products of Chebyshev polynomials, orthonormal under the arcsine weight on a box",
-    parameters: &PARAMETERS,
+    parameters: &INTERVAL,
     source: "classical; not in the paper",
     details: "Products of T_n(x / a), ordered by degree, then lexicographically by exponents; `value` multiplies each factor of degree n >= 1 by sqrt(2), which makes the functions orthonormal under the weight 1 / (pi sqrt(a^2 - x^2)) per coordinate. All |T_n| <= 1 in the box: no function dominates. Suits shapes whose points crowd at the border. Has a closed-form blur.",
     build: |parameters, _| {

@@ -1,7 +1,9 @@
 //! f_i(x) = x_i: the average itself.
 
-use crate::family::{FamilyEntry, Separable, SeparableFamily};
-use crate::scalar::Scalar;
+use cfpose_kernel::family::{Separable, SeparableFamily};
+use cfpose_kernel::scalar::Scalar;
+
+use crate::entry::FamilyEntry;
 
 struct Coordinates;
 

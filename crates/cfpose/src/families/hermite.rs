@@ -1,9 +1,11 @@
 //! Products of probabilists' Hermite polynomials He_n(2 x), orthogonal under p(x) = 2 / sqrt(2 pi) exp(-2 x^2).
 
-use super::monomial::KINDS;
+use cfpose_kernel::family::General;
+
 use super::polynomial::{Polynomial, recurrence_rows};
+use super::shared::polynomials::{DEGREE_AND_KIND, KINDS};
+use crate::entry::FamilyEntry;
 use crate::entry::ParameterSpec;
-use crate::family::{FamilyEntry, General};
 
 /// Scale of the one-dimensional polynomials.
 #[derive(Clone, Copy)]
@@ -18,8 +20,8 @@ enum Scale {
 }
 
 const PARAMETERS: [ParameterSpec; 3] = [
-    super::monomial::PARAMETERS[0],
-    super::monomial::PARAMETERS[1],
+    DEGREE_AND_KIND[0],
+    DEGREE_AND_KIND[1],
     ParameterSpec {
         name: "scale",
         default: "value",

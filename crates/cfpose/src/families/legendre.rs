@@ -1,33 +1,15 @@
 //! Products of Legendre polynomials, orthogonal under a uniform weight.
 
-use super::monomial::KINDS;
+use cfpose_kernel::family::General;
+
 use super::polynomial::{Polynomial, recurrence_rows};
-use crate::entry::ParameterSpec;
-use crate::family::{FamilyEntry, General};
-
-/// Parameters of polynomials on an interval.
-pub(super) const PARAMETERS: [ParameterSpec; 4] = [
-    super::monomial::PARAMETERS[0],
-    super::monomial::PARAMETERS[1],
-    ParameterSpec {
-        name: "scale",
-        default: "value",
-        meaning: "value: orthonormal functions; raw: the polynomials with value 1 at the end of the interval",
-    },
-    ParameterSpec {
-        name: "half-width",
-        default: "1",
-        meaning: "half the length a of the interval -a..a, units of the feature space",
-    },
-];
-
-/// Values of the parameter `scale`: whether functions are normalised.
-pub(super) const SCALES: [(&str, bool); 2] = [("value", true), ("raw", false)];
+use super::shared::polynomials::{INTERVAL, KINDS, SCALES};
+use crate::entry::FamilyEntry;
 
 pub(super) const ENTRY: FamilyEntry = FamilyEntry {
     name: "legendre",
     summary: "products of Legendre polynomials, orthonormal under a uniform weight on a box",
-    parameters: &PARAMETERS,
+    parameters: &INTERVAL,
     source: "classical; not in the paper",
     details: "Products of P_n(x / a), ordered by degree, then lexicographically by exponents; `value` multiplies each factor by sqrt(2 n + 1), which makes the functions orthonormal under the uniform weight on the box |x_q| <= a. For shapes that fill their box; under the `paper` and `whiten` normalisers most points have |x_q| < 1. Has a closed-form blur.",
     build: |parameters, _| {

@@ -8,14 +8,15 @@ mod hermite;
 mod legendre;
 mod monomial;
 pub mod orthonormalised;
-pub mod polynomial;
 pub mod quadrature_blur;
 mod random_fourier;
 mod rbf;
-mod trig;
+mod shared;
 mod trig18;
 
-use crate::family::FamilyEntry;
+pub use cfpose_kernel::family::polynomial;
+
+use crate::entry::FamilyEntry;
 
 /// All families of the library.
 pub const ALL: &[&FamilyEntry] = &[

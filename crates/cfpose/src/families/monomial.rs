@@ -1,25 +1,15 @@
 //! Monomials of degree 1..=D.
 
-use super::polynomial::{Polynomial, Products};
-use crate::entry::ParameterSpec;
-use crate::family::{FamilyEntry, General};
+use cfpose_kernel::family::General;
 
-pub(super) const PARAMETERS: [ParameterSpec; 2] = [
-    ParameterSpec { name: "degree", default: "3", meaning: "largest degree, 1 to 8" },
-    ParameterSpec {
-        name: "kind",
-        default: "total",
-        meaning: "total: all products up to the degree; separable: powers of single coordinates",
-    },
-];
-
-/// Names of [`Products`] in parameters.
-pub(super) const KINDS: [(&str, Products); 2] = [("total", Products::Total), ("separable", Products::Separable)];
+use super::polynomial::Polynomial;
+use super::shared::polynomials::{DEGREE_AND_KIND, KINDS};
+use crate::entry::FamilyEntry;
 
 pub(super) const ENTRY: FamilyEntry = FamilyEntry {
     name: "monomial",
     summary: "monomials of degree 1 to D",
-    parameters: &PARAMETERS,
+    parameters: &DEGREE_AND_KIND,
     source: "the family of Domokos and Kato 2010, which the paper builds on",
     details: "x^a y^b z^c, ordered by degree, then lexicographically by (a, b, c). Has a closed-form blur. Badly conditioned beyond degree 4: prefer `hermite`.",
     build: |parameters, _| {

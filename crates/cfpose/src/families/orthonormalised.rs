@@ -2,16 +2,17 @@
 
 use std::sync::OnceLock;
 
+use cfpose_kernel::family::{BasisRows, DynFamily, GradientTerm, Segment};
+use cfpose_kernel::isa::Isa;
+use cfpose_kernel::map::MapBlock;
+use cfpose_kernel::points::Points;
 use faer::{Mat, Side};
 use gauss_quad::GaussHermite;
 use num_dual::HyperDual64;
 
-use crate::block::MapBlock;
+use crate::entry::FamilyEntry;
 use crate::entry::{BuildContext, BuildError, ParameterSpec, build_family};
-use crate::family::{BasisRows, DynFamily, FamilyEntry, GradientTerm, Segment};
-use crate::gram::{coefficient_matrix, feature_gram};
-use crate::isa::Isa;
-use crate::points::Points;
+use crate::statistics::gram::{coefficient_matrix, feature_gram};
 
 /// Directions of the basis whose share of the Gram matrix is below this are left out as dependent.
 const RANK_TOLERANCE: f64 = 1e-10;
@@ -313,8 +314,8 @@ pub(super) const ENTRY: FamilyEntry = FamilyEntry {
             (true, Some(points)) => Weight::Empirical(points.clone()),
             (true, None) => return Err(data("weight=empirical needs the target points")),
         };
-        let mut families = if context.families.is_empty() { super::ALL } else { context.families }.to_vec();
-        families.push(&super::trig::ENTRY);
+        let mut families = context.families.to_vec();
+        families.push(&super::shared::trig::ENTRY);
         let inner = build_family(parameters.text("basis"), &BuildContext { families: &families, ..*context })?;
         let mut family = Orthonormalised::new(inner, weight, of, method);
         family.joint = joint;

@@ -1,13 +1,14 @@
 //! Random Fourier features: waves whose frequencies are drawn from a Gaussian.
 
+use cfpose_kernel::family::{Family, General, GradientTerm};
+use cfpose_kernel::scalar::Scalar;
 use rand::SeedableRng;
 use rand_chacha::ChaCha12Rng;
 use rand_distr::{Distribution, StandardNormal};
 
-use super::fourier::{blur_waves, wave_gradients};
+use super::shared::waves::{blur_waves, wave_gradients};
+use crate::entry::FamilyEntry;
 use crate::entry::ParameterSpec;
-use crate::family::{Family, FamilyEntry, General, GradientTerm};
-use crate::scalar::Scalar;
 
 struct RandomFourier {
     frequencies: Vec<[f64; 3]>,

@@ -1,9 +1,11 @@
 //! Gaussian radial basis functions around centres chosen from the target.
 
+use cfpose_kernel::family::{Family, General};
+use cfpose_kernel::points::Points;
+use cfpose_kernel::scalar::Scalar;
+
+use crate::entry::FamilyEntry;
 use crate::entry::{BuildContext, BuildError, ParameterSpec};
-use crate::family::{Family, FamilyEntry, General};
-use crate::points::Points;
-use crate::scalar::Scalar;
 
 struct Rbf {
     dim: usize,

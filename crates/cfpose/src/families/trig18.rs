@@ -3,8 +3,10 @@
 //! "x cos(pi x_i)" in the print means x_i cos(pi x_i). Erratum: the text says that the *gradients* are orthogonal under
 //! p(x) = 2 / sqrt(2 pi) exp(-2 x^2); it is the functions themselves that are orthonormal (see the tests).
 
-use super::trig::Trig;
-use crate::family::{FamilyEntry, Separable};
+use cfpose_kernel::family::Separable;
+
+use super::shared::trig::Trig;
+use crate::entry::FamilyEntry;
 
 /// Rows f_1, f_4, f_7, f_10, f_13, f_16 as printed, over the basis x, sin, x cos, x^2, sin^2, cos (of pi x).
 #[rustfmt::skip]

@@ -1,24 +1,9 @@
 //! 2D-to-2D: A p + b.
 
-use super::scene;
-use crate::model::{Findings, LinearGroup, LinearKind, Map, Model, ModelEntry, Scene};
-use crate::scalar::Scalar;
-use crate::theta::{BlockKind, Layout};
-
-/// A p + b in `D` dimensions, theta = (A row by row, b).
-pub(super) struct Affine<const D: usize>;
-
-impl<const D: usize> Map<D, D, D> for Affine<D> {
-    const PROJECTION_IS_IDENTITY: bool = true;
-    fn affine<S: Scalar>(&self, theta: &[S], a: &mut [S], b: &mut [S]) {
-        a.copy_from_slice(&theta[..D * D]);
-        b.copy_from_slice(&theta[D * D..]);
-    }
-    #[inline(always)]
-    fn project<S: Scalar>(&self, y: [S; D]) -> [S; D] {
-        y
-    }
-}
+use super::shared::affine::Affine;
+use super::shared::scene;
+use crate::geometry::theta::{BlockKind, Layout};
+use crate::model::{Findings, LinearGroup, LinearKind, Model, ModelEntry, Scene};
 
 /// Return the half turn of a plane shape, A -> -A about the mean, and what its spread leaves open.
 fn examine(scene: &Scene<'_>) -> Findings {

@@ -2,10 +2,10 @@
 
 use cfpose_optim::manifold::determinant3;
 
-use super::affine2::Affine;
-use super::scene;
+use super::shared::affine::Affine;
+use super::shared::scene;
+use crate::geometry::theta::{BlockKind, Layout};
 use crate::model::{Findings, LinearGroup, LinearKind, Model, ModelEntry, Scene};
-use crate::theta::{BlockKind, Layout};
 
 fn examine(scene: &Scene<'_>) -> Findings {
     let mut warnings = scene::spread_warnings(scene.source, 3, 3);

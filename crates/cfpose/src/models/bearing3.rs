@@ -1,23 +1,14 @@
 //! 3D-to-2D: (R M + T) / norm(R M + T) against m' / norm(m').
 
-use super::projective::{Linear, RELATION, area_element, area_of, perspective, projective};
-use super::rigid3::{half_turned, pose_affine};
-use super::scene;
-use crate::block::Factored;
+use cfpose_kernel::map::Factored;
+use cfpose_kernel::scalar::Scalar;
+
+use super::shared::pose3::{Posed, half_turned, mirrored_tilt};
+use super::shared::projective::{RELATION, area_element, area_of, perspective, projective};
+use super::shared::scene;
 use crate::entry::ParameterSpec;
+use crate::geometry::theta::Layout;
 use crate::model::{Findings, Map, ModelEntry, PointKind, Relations, Scene, unit3};
-use crate::scalar::Scalar;
-use crate::theta::Layout;
-
-/// y = R M + T.
-#[derive(Clone, Copy)]
-pub(super) struct Posed;
-
-impl Linear for Posed {
-    fn affine<S: Scalar>(&self, theta: &[S], a: &mut [S], b: &mut [S]) {
-        pose_affine(theta, a, b);
-    }
-}
 
 /// The pose of a surface with normals: lift(M) = (M, n), y = (R M + T, R n), weights abs(n . X) / z^3.
 struct Surface;
@@ -76,31 +67,6 @@ macro_rules! surface_map {
 }
 surface_map!(3, unit3);
 surface_map!(2, perspective);
-
-/// Return the mirrored tilt of a flat scene, of equal cost where perspective is weak: y - c -> (I - 2 v v')(y - c) along the
-/// line of sight v through the mean c, after the reflection I - 2 n n' in the scene's plane, which leaves it as it is.
-pub(super) fn mirrored_tilt(theta: &[f64], mean: [f64; 3], normal: [f64; 3]) -> Option<Vec<f64>> {
-    let mut centre = [theta[9], theta[10], theta[11]];
-    for i in 0..3 {
-        centre[i] += (0..3).map(|k| theta[3 * i + k] * mean[k]).sum::<f64>();
-    }
-    let size = centre.iter().map(|value| value * value).sum::<f64>().sqrt();
-    let sight = centre.map(|value| value / size);
-    let reflection = |v: [f64; 3]| {
-        let mut m = [0.0; 9];
-        for i in 0..3 {
-            for k in 0..3 {
-                m[3 * i + k] = f64::from(u8::from(i == k)) - 2.0 * v[i] * v[k];
-            }
-        }
-        m
-    };
-    let half = cfpose_optim::manifold::multiply3(&reflection(sight), &theta[..9]);
-    let rotation = cfpose_optim::manifold::multiply3(&half, &reflection(normal));
-    let mut other = rotation.to_vec();
-    other.extend((0..3).map(|i| centre[i] - (0..3).map(|k| rotation[3 * i + k] * mean[k]).sum::<f64>()));
-    other.iter().all(|value| value.is_finite()).then_some(other)
-}
 
 fn examine(scene: &Scene<'_>) -> Findings {
     let theta = scene.theta;

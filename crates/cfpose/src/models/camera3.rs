@@ -1,11 +1,13 @@
 //! 3D-to-2D in pixels: a pose, then known intrinsics with lens distortion, in the general per-point form.
 
-use super::projective::perspective;
-use super::scene;
+use cfpose_kernel::scalar::Scalar;
+
+use super::shared::pose3::{half_turned, mirrored_tilt};
+use super::shared::projective::perspective;
+use super::shared::scene;
 use crate::entry::{EntryError, ParameterSpec, Parameters};
+use crate::geometry::theta::Layout;
 use crate::model::{Basin, Findings, Model, ModelEntry, PointMap, Scene};
-use crate::scalar::Scalar;
-use crate::theta::Layout;
 
 /// A known camera: OpenCV's pinhole model with radial and tangential distortion.
 #[derive(Clone, Copy)]
@@ -63,9 +65,9 @@ fn examine(scene: &Scene<'_>) -> Findings {
     let depth = |m: [f64; 3]| theta[6] * m[0] + theta[7] * m[1] + theta[8] * m[2] + theta[11];
     let (mut warnings, implausible) = scene::depth_warnings(scene.source, depth);
     warnings.extend(scene::spread_warnings(scene.source, 3, 2));
-    let mut candidates = super::rigid3::half_turned(theta, 1.0, scene.source);
+    let mut candidates = half_turned(theta, 1.0, scene.source);
     if let (normal, true) = scene::normal(scene.source) {
-        candidates.extend(super::bearing3::mirrored_tilt(theta, scene.source.mean(), normal));
+        candidates.extend(mirrored_tilt(theta, scene.source.mean(), normal));
     }
     Findings { candidates, warnings, implausible, ..Findings::default() }
 }

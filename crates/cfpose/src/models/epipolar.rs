@@ -5,14 +5,14 @@
 
 use std::sync::Arc;
 
+use cfpose_kernel::points::Points;
+use cfpose_kernel::scalar::Scalar;
 use cfpose_optim::manifold::norm3;
 
 use crate::entry::ParameterSpec;
+use crate::geometry::theta::{BlockKind, Layout};
+use crate::model::ResidualRows;
 use crate::model::{Basin, Findings, Map, Model, ModelEntry, PointKind, Scene, unit3};
-use crate::points::Points;
-use crate::problem::ResidualRows;
-use crate::scalar::Scalar;
-use crate::theta::{BlockKind, Layout};
 
 /// h of eq. `2dto2d` (rows times R) or g (rows alone).
 struct Epipolar {

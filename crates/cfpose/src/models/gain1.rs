@@ -1,8 +1,9 @@
 //! The motivation example: scalars with one gain, theta p = q.
 
+use cfpose_kernel::scalar::Scalar;
+
+use crate::geometry::theta::{BlockKind, Layout};
 use crate::model::{Map, Model, ModelEntry};
-use crate::scalar::Scalar;
-use crate::theta::{BlockKind, Layout};
 
 struct Gain;
 

@@ -1,12 +1,12 @@
 //! 2D-to-2D of a plane scene, unstructured: H m / norm(H m) against m' / norm(m'), norm(H) = 1.
 
+use cfpose_kernel::scalar::Scalar;
 use cfpose_optim::manifold::determinant3;
 
-use super::projective::{AREA, Linear, RELATION, area_of, projective};
-use super::scene;
+use super::shared::projective::{AREA, Linear, RELATION, area_of, projective};
+use super::shared::scene;
+use crate::geometry::theta::{BlockKind, Layout};
 use crate::model::{Findings, LinearGroup, LinearKind, ModelEntry, PointKind, Scene};
-use crate::scalar::Scalar;
-use crate::theta::{BlockKind, Layout};
 
 #[derive(Clone, Copy)]
 struct Homography;

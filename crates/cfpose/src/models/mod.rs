@@ -10,14 +10,12 @@ mod homography;
 mod plane_bearing;
 mod plane_homography;
 mod polynomial2;
-mod projective;
 mod rigid2;
 mod rigid3;
-mod scene;
+mod shared;
 mod similarity2;
 mod similarity3;
 mod thin_plate2;
-mod warp;
 
 use crate::model::ModelEntry;
 

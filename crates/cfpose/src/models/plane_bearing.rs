@@ -1,11 +1,10 @@
 //! The paper's simulation: as `bearing3` with the source on the plane z = 1 and T_bar = T / lambda.
 
-use super::bearing3::{Posed, mirrored_tilt};
-use super::projective::{AREA, RELATION, area_of, projective};
-use super::rigid3::half_turned;
-use super::scene;
+use super::shared::pose3::{Posed, half_turned, mirrored_tilt};
+use super::shared::projective::{AREA, RELATION, area_of, projective};
+use super::shared::scene;
+use crate::geometry::theta::{BlockKind, Layout};
 use crate::model::{Findings, ModelEntry, PointKind, Scene};
-use crate::theta::{BlockKind, Layout};
 
 /// Return how far the camera stands before the plane z = 1: 1 + e3' R' T_bar, negative behind it.
 fn front(theta: &[f64]) -> f64 {

@@ -1,11 +1,12 @@
 //! 2D-to-2D of a plane scene: (R + T n'/d) m / norm against m' / norm(m'), eq. `plane`.
 
-use super::projective::{AREA, Linear, RELATION, area_of, projective};
-use super::scene;
-use crate::homography::{PlaneMotion, decompose};
+use cfpose_kernel::scalar::Scalar;
+
+use super::shared::projective::{AREA, Linear, RELATION, area_of, projective};
+use super::shared::scene;
+use crate::geometry::homography::{PlaneMotion, decompose};
+use crate::geometry::theta::{BlockKind, Layout};
 use crate::model::{Findings, ModelEntry, PointKind, Scene};
-use crate::scalar::Scalar;
-use crate::theta::{BlockKind, Layout};
 
 /// A = R + (T/d) n' from theta = (R, T/d, n).
 #[derive(Clone, Copy)]

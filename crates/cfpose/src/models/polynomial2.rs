@@ -1,7 +1,7 @@
 //! 2D-to-2D: polynomials of bounded degree in both coordinates.
 
-use super::projective::area_of;
-use super::warp::{AREA, PlaneBasis, warp};
+use super::shared::projective::area_of;
+use super::shared::warp::{AREA, PlaneBasis, warp};
 use crate::entry::ParameterSpec;
 use crate::model::{Basin, ModelEntry};
 

@@ -1,9 +1,11 @@
 //! 2D-to-2D: R p + T in the plane.
 
-use super::scene;
+use cfpose_kernel::scalar::Scalar;
+
+use super::shared::pose2::angle_of;
+use super::shared::scene;
+use crate::geometry::theta::{BlockKind, Layout};
 use crate::model::{Findings, LinearGroup, LinearKind, Map, Model, ModelEntry, Scene};
-use crate::scalar::Scalar;
-use crate::theta::{BlockKind, Layout};
 
 struct Rigid2;
 
@@ -18,11 +20,6 @@ impl Map<2, 2, 2> for Rigid2 {
     fn project<S: Scalar>(&self, y: [S; 2]) -> [S; 2] {
         y
     }
-}
-
-/// Return the angle of a plane rotation (or of a positive multiple of one), row by row.
-pub(super) fn angle_of(a: &[f64]) -> f64 {
-    (a[2] - a[1]).atan2(a[0] + a[3])
 }
 
 /// Propose the half turn about the mean: shapes of even symmetry cannot tell.

@@ -1,16 +1,11 @@
 //! 3D-to-3D: R M + T.
 
-use super::scene;
-use crate::model::{Findings, LinearGroup, LinearKind, Map, Model, ModelEntry, Scene};
-use crate::points::Points;
-use crate::scalar::Scalar;
-use crate::theta::Layout;
+use cfpose_kernel::scalar::Scalar;
 
-/// A = R, b = T from ambient theta = (R row by row, T): shared by all models of a 3-D pose.
-pub(super) fn pose_affine<S: Scalar>(theta: &[S], a: &mut [S], b: &mut [S]) {
-    a.copy_from_slice(&theta[..9]);
-    b.copy_from_slice(&theta[9..12]);
-}
+use super::shared::pose3::{half_turned, pose_affine};
+use super::shared::scene;
+use crate::geometry::theta::Layout;
+use crate::model::{Findings, LinearGroup, LinearKind, Map, Model, ModelEntry, Scene};
 
 struct Rigid;
 
@@ -23,19 +18,6 @@ impl Map<3, 3, 3> for Rigid {
     fn project<S: Scalar>(&self, y: [S; 3]) -> [S; 3] {
         y
     }
-}
-
-/// Return theta = (R, T, rest) after each half turn of the source about its principal axes, for maps s R M + T.
-pub(super) fn half_turned(theta: &[f64], scale: f64, source: &Points) -> Vec<Vec<f64>> {
-    scene::half_turns(source)
-        .iter()
-        .map(|turn| {
-            let (rotation, _) = turn.before(&theta[..9], &theta[9..12]);
-            let scaled: Vec<f64> = theta[..9].iter().map(|value| scale * value).collect();
-            let (_, translation) = turn.before(&scaled, &theta[9..12]);
-            [&rotation[..], &translation[..], &theta[12..]].concat()
-        })
-        .collect()
 }
 
 fn examine(scene: &Scene<'_>) -> Findings {

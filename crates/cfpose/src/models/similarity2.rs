@@ -1,10 +1,11 @@
 //! 2D-to-2D: s R p + T in the plane.
 
-use super::rigid2::angle_of;
-use super::scene;
+use cfpose_kernel::scalar::Scalar;
+
+use super::shared::pose2::angle_of;
+use super::shared::scene;
+use crate::geometry::theta::{BlockKind, Layout};
 use crate::model::{Findings, LinearGroup, LinearKind, Map, Model, ModelEntry, Scene};
-use crate::scalar::Scalar;
-use crate::theta::{BlockKind, Layout};
 
 struct Similarity2;
 

@@ -1,12 +1,12 @@
 //! 3D-to-3D: s R M + T.
 
+use cfpose_kernel::scalar::Scalar;
 use cfpose_optim::manifold::determinant3;
 
-use super::rigid3::half_turned;
-use super::scene;
+use super::shared::pose3::half_turned;
+use super::shared::scene;
+use crate::geometry::theta::{BlockKind, Layout};
 use crate::model::{Findings, LinearGroup, LinearKind, Map, Model, ModelEntry, Scene};
-use crate::scalar::Scalar;
-use crate::theta::{BlockKind, Layout};
 
 struct Similarity3;
 

@@ -2,17 +2,17 @@
 
 use std::sync::Arc;
 
+use cfpose_kernel::points::Points;
+use cfpose_kernel::scalar::Scalar;
 use faer::Mat;
 use faer::linalg::solvers::Solve;
 
-use super::projective::area_of;
-use super::warp::{AREA, PlaneBasis, warp};
+use super::shared::projective::area_of;
+use super::shared::warp::{AREA, PlaneBasis, warp};
 use crate::entry::{BuildContext, BuildError, ParameterSpec, Parameters};
-use crate::linalg::symmetric_eigen_any;
+use crate::geometry::linalg::symmetric_eigen_any;
+use crate::model::ResidualRows;
 use crate::model::{Basin, ModelEntry};
-use crate::points::Points;
-use crate::problem::ResidualRows;
-use crate::scalar::Scalar;
 
 /// Cardinal splines: B_i is 1 at control point i, 0 at the others, and bends least.
 #[derive(Clone)]

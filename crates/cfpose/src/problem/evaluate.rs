@@ -1,12 +1,12 @@
 //! The fast path: means of both sides, their difference, coefficients, weighting.
 
+use cfpose_kernel::isa::Isa;
+use cfpose_kernel::map::{DynMap, LiftedPoints, PreparedMap, seed_theta};
+use cfpose_kernel::means::{Execution, Means, Side};
 use cfpose_optim::manifold::Manifold;
 use num_dual::DualSVec64;
 
 use super::{DynRows, Evaluation, Group, MomentProblem};
-use crate::block::{DynMap, LiftedPoints, PreparedMap, seed_theta};
-use crate::isa::Isa;
-use crate::means::{Execution, Means, Side};
 
 /// Feature means of both sides, collected on request.
 #[derive(Default)]

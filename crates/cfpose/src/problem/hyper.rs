@@ -2,12 +2,12 @@
 //!
 //! It serves exact Hessians and, as one long derivative through everything, the oracle that the fast path is tested against.
 
+use cfpose_kernel::family::DynFamily;
+use cfpose_kernel::map::{DynMap, LiftedPoints};
 use cfpose_optim::manifold::Manifold;
 use num_dual::HyperDual64;
 
 use super::MomentProblem;
-use crate::block::{DynMap, LiftedPoints};
-use crate::family::DynFamily;
 
 impl MomentProblem {
     /// Return the residual with first derivatives along tangent directions u and v and the second derivative d2/du dv.

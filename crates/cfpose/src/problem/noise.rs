@@ -1,13 +1,13 @@
 //! Noise of the target as a nuisance parameter: E f(q + noise) differs from f(q), and the family's blur says by how much.
 
+use cfpose_kernel::family::DynFamily;
+use cfpose_kernel::map::Transform;
+use cfpose_kernel::means::Means;
 use num_dual::HyperDual64;
 
 use super::real_parts;
-use crate::block::Transform;
-use crate::family::DynFamily;
-use crate::means::Means;
 
-/// Additive Gaussian noise of the target in the feature space (before normalisation), method.md section 5.
+/// Additive Gaussian noise of the target in the feature space, before normalisation (docs/method.md, *Noise*).
 ///
 /// Its parameters follow the model's theta: a variance, or the upper triangle of a covariance row by row. A variance may go
 /// negative while optimising; reports clip it.

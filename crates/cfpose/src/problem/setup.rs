@@ -2,16 +2,16 @@
 
 use std::sync::Arc;
 
-use crate::block::{LiftedPoints, Transform};
 use crate::entry::BuildContext;
 use crate::error::Error;
-use crate::family::DynFamily;
-use crate::free::Freedom;
-use crate::means::Execution;
+use crate::geometry::free::Freedom;
 use crate::model::{Model, PointKind};
-use crate::normalise::Normaliser;
-use crate::points::{Points, PointsError};
+use crate::problem::normalise::Normaliser;
 use crate::problem::{MomentProblem, Noise, map_points};
+use cfpose_kernel::family::DynFamily;
+use cfpose_kernel::map::{LiftedPoints, Transform};
+use cfpose_kernel::means::Execution;
+use cfpose_kernel::points::{Points, PointsError};
 
 /// Two point sets as a model takes them, lifted, and the normalised feature space of the target.
 ///

@@ -2,7 +2,7 @@
 
 use pulp::{Simd, WithSimd};
 
-use crate::isa::Isa;
+use cfpose_kernel::isa::Isa;
 
 /// A matrix in compressed rows.
 pub(super) struct SparseMatrix {

@@ -7,8 +7,8 @@ use cfpose_optim::manifold::rotation_of_quaternion;
 use super::{Moments, Proposal, StartContext, StartEntry, StartStrategy, rotations, screened};
 use crate::entry::ParameterSpec;
 use crate::error::Error;
+use crate::geometry::theta::BlockKind;
 use crate::model::{LinearGroup, LinearKind};
-use crate::theta::BlockKind;
 
 struct Grid {
     count: usize,

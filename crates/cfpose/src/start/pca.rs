@@ -2,7 +2,7 @@
 
 use super::{Moments, REFLECTIONS, StartContext, StartEntry, StartStrategy, reflections_of};
 use crate::error::Error;
-use crate::linalg::symmetric_eigen;
+use crate::geometry::linalg::symmetric_eigen;
 use crate::model::LinearKind;
 
 struct Pca {

@@ -6,7 +6,7 @@ use super::{Moments, Proposal, REFLECTIONS, StartContext, StartEntry, StartStrat
 use super::{reflections_of, rotations, screened};
 use crate::entry::ParameterSpec;
 use crate::error::Error;
-use crate::linalg::symmetric_eigen;
+use crate::geometry::linalg::symmetric_eigen;
 use crate::model::LinearKind;
 
 struct WhitenedAffine {

@@ -1,0 +1,4 @@
+//! What several scenarios share. A scenario imports from here, never from another scenario.
+
+pub mod curves;
+pub mod sampling;

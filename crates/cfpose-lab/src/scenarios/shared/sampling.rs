@@ -1,0 +1,27 @@
+//! Draws that scenarios share.
+
+use rand::RngExt;
+use rand_chacha::ChaCha12Rng;
+
+/// Permute rows: Fisher-Yates from the end, one draw each.
+pub fn shuffle<T>(rows: &mut [T], rng: &mut ChaCha12Rng) {
+    for k in (1..rows.len()).rev() {
+        rows.swap(k, rng.random_range(0..=k));
+    }
+}
+
+/// Add `count` points, D uniforms each, in the bounding box of the points enlarged by a fifth about its centre.
+pub fn add_uniform<const D: usize>(points: &mut Vec<[f64; D]>, count: usize, rng: &mut ChaCha12Rng) {
+    if points.is_empty() {
+        return;
+    }
+    let bounds: [(f64, f64); D] = std::array::from_fn(|d| {
+        points.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), q| (low.min(q[d]), high.max(q[d])))
+    });
+    for _ in 0..count {
+        points.push(bounds.map(|(low, high)| {
+            let (centre, size) = (0.5 * (low + high), 1.2 * (high - low));
+            centre + size * (rng.random::<f64>() - 0.5)
+        }));
+    }
+}

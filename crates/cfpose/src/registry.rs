@@ -1,0 +1,132 @@
+//! The registry: all tables of the library in one place, for a program to choose from and to extend.
+
+use cfpose_kernel::family::DynFamily;
+use cfpose_optim::solver::{Solver, SolverEntry};
+
+use crate::entry::{BuildContext, BuildError, FamilyEntry, NamedEntry, ParameterSpec, build_family, find};
+use crate::error::Error;
+use crate::model::{Model, ModelEntry};
+use crate::problem::normalise::{Normaliser, NormaliserEntry};
+use crate::start::{StartEntry, StartStrategy};
+use crate::statistics::weighting::{Weighting, WeightingEntry};
+
+/// All named entries a program can choose from. [`Registry::default`] holds the library's tables; push your own.
+///
+/// ```
+/// use cfpose::{BuildContext, Registry};
+/// let registry = Registry::default();
+/// let model = registry.model("rigid3", &BuildContext::default()).unwrap();
+/// assert_eq!(model.dim(), 3);
+/// let error = registry.model("rigid33", &BuildContext::default()).err().unwrap();
+/// assert!(error.to_string().contains("did you mean rigid3"));
+/// ```
+#[derive(Clone)]
+pub struct Registry {
+    /// Transformation models.
+    pub models: Vec<&'static ModelEntry>,
+    /// Feature families.
+    pub families: Vec<&'static FamilyEntry>,
+    /// Normalisers.
+    pub normalisers: Vec<&'static NormaliserEntry>,
+    /// Weightings.
+    pub weightings: Vec<&'static WeightingEntry>,
+    /// Start strategies.
+    pub starts: Vec<&'static StartEntry>,
+    /// Solvers.
+    pub solvers: Vec<&'static SolverEntry>,
+}
+
+impl Default for Registry {
+    fn default() -> Self {
+        Self {
+            models: crate::models::ALL.to_vec(),
+            families: crate::families::ALL.to_vec(),
+            normalisers: crate::problem::normalise::ALL.to_vec(),
+            weightings: crate::statistics::weighting::ALL.to_vec(),
+            starts: crate::start::ALL.to_vec(),
+            solvers: cfpose_optim::solvers::ALL.to_vec(),
+        }
+    }
+}
+
+macro_rules! named_entry {
+    ($($entry:ty),*) => {$(
+        impl NamedEntry for $entry {
+            fn name(&self) -> &'static str {
+                self.name
+            }
+            fn summary(&self) -> &'static str {
+                self.summary
+            }
+            fn parameters(&self) -> &'static [ParameterSpec] {
+                self.parameters
+            }
+            fn source(&self) -> &'static str {
+                self.source
+            }
+        }
+    )*};
+}
+named_entry!(ModelEntry, FamilyEntry, NormaliserEntry, WeightingEntry, StartEntry, SolverEntry);
+
+impl Registry {
+    /// Build a model by name.
+    ///
+    /// # Errors
+    /// [`Error::Build`] for an unknown name or bad parameters.
+    pub fn model(&self, spec: &str, context: &BuildContext<'_>) -> Result<Model, Error> {
+        let (entry, parameters) = find("model", &self.models, spec).map_err(BuildError::from)?;
+        Ok((entry.build)(&parameters, context)?)
+    }
+
+    /// Build a feature family by name, or a weighted concatenation of several.
+    ///
+    /// ```
+    /// use cfpose::{BuildContext, Registry};
+    /// let context = BuildContext { dim: 2, ..BuildContext::default() };
+    /// let family = Registry::default().family("2*hermite[degree=2] + 0.5*fourier[k=1]", &context).unwrap();
+    /// assert_eq!(family.num_features(2), 5 + 4);
+    /// ```
+    ///
+    /// # Errors
+    /// [`Error::Build`] for an unknown name, bad parameters, or data the family cannot use.
+    pub fn family(&self, spec: &str, context: &BuildContext<'_>) -> Result<Box<dyn DynFamily>, Error> {
+        Ok(build_family(spec, &BuildContext { families: &self.families, ..*context })?)
+    }
+
+    /// Build a normaliser by name.
+    ///
+    /// # Errors
+    /// [`Error::Build`] for an unknown name or bad parameters.
+    pub fn normaliser(&self, spec: &str) -> Result<Box<dyn Normaliser>, Error> {
+        let (entry, parameters) = find("normaliser", &self.normalisers, spec).map_err(BuildError::from)?;
+        Ok((entry.build)(&parameters).map_err(BuildError::from)?)
+    }
+
+    /// Build a weighting by name.
+    ///
+    /// # Errors
+    /// [`Error::Build`] for an unknown name or bad parameters.
+    pub fn weighting(&self, spec: &str) -> Result<Box<dyn Weighting>, Error> {
+        let (entry, parameters) = find("weighting", &self.weightings, spec).map_err(BuildError::from)?;
+        Ok((entry.build)(&parameters).map_err(BuildError::from)?)
+    }
+
+    /// Build a start strategy by name.
+    ///
+    /// # Errors
+    /// [`Error::Build`] for an unknown name or bad parameters.
+    pub fn start(&self, spec: &str) -> Result<Box<dyn StartStrategy>, Error> {
+        let (entry, parameters) = find("start", &self.starts, spec).map_err(BuildError::from)?;
+        Ok((entry.build)(&parameters).map_err(BuildError::from)?)
+    }
+
+    /// Build a solver by name.
+    ///
+    /// # Errors
+    /// [`Error::Build`] for an unknown name or bad parameters.
+    pub fn solver(&self, spec: &str) -> Result<Box<dyn Solver>, Error> {
+        let (entry, parameters) = find("solver", &self.solvers, spec).map_err(BuildError::from)?;
+        Ok((entry.build)(&parameters).map_err(BuildError::from)?)
+    }
+}
