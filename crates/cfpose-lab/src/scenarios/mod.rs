@@ -1,10 +1,9 @@
 //! The scenario table: a new scenario is one file and one line here.
 
 mod cloud3;
-pub mod curves;
 mod planar_curve;
-mod sampling;
 
+pub use crate::curves;
 use crate::scenario::ScenarioEntry;
 
 /// All scenarios of the laboratory.
