@@ -55,11 +55,11 @@ const PANEL: u32 = 420;
 /// Height of the figure in pixels: with titles and labels taken off, the plotted area is a square.
 const HEIGHT: u32 = PANEL + 37;
 const MOVED: RGBColor = RGBColor(214, 90, 49);
-const ELLIPSE: RGBColor = RGBColor(60, 120, 60);
+const ELLIPSE: RGBColor = RGBColor(20, 20, 20);
 /// Ellipses of a panel.
 const NUM_ELLIPSES: usize = 12;
 /// Half width that the largest ellipse is enlarged to, at most, as a share of the figure.
-const ELLIPSE_SHARE: f64 = 0.06;
+const ELLIPSE_SHARE: f64 = 0.1;
 const TARGET: RGBColor = RGBColor(44, 92, 138);
 
 /// Return the image coordinates (x / z, y / z) of points in 3-D, points at depth <= 0 left out; the first two coordinates
