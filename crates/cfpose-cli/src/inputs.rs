@@ -13,14 +13,14 @@ use cfpose::{
 };
 use cfpose_vision::{Camera, PointFile, ReadOptions, read_points};
 
-use crate::args::{FrameName, ProblemArgs, Reflections};
+use crate::args::{FrameName, ProblemArgs, Reflections, numbers};
 use crate::failure::{Failure, Kind, is_wrong_name};
 use crate::{output, starts};
 
 /// A problem built from arguments and files.
-pub struct Loaded {
+pub struct Loaded<'a> {
     /// The tables names were looked up in.
-    pub registry: Registry,
+    pub registry: &'a Registry,
     /// The problem.
     pub prepared: Prepared,
     /// Instruction set.
@@ -41,7 +41,7 @@ pub struct Loaded {
     pub form: RotationForm,
 }
 
-impl Loaded {
+impl Loaded<'_> {
     /// Return the size of a unit of the feature space in the units of the target file: pixels for 2-column files of a camera.
     pub fn target_unit(&self) -> f64 {
         self.camera.filter(|_| self.target_dim == 2).map_or(1.0, Camera::focal)
@@ -52,9 +52,8 @@ impl Loaded {
 ///
 /// # Errors
 /// Wrong names and numbers are usage, files and points are input; names are checked before files are read.
-pub fn load(args: &ProblemArgs) -> Result<Loaded, Failure> {
-    let registry = Registry::default();
-    let mut settings = settings(args, &registry)?;
+pub fn load<'a>(args: &ProblemArgs, registry: &'a Registry) -> Result<Loaded<'a>, Failure> {
+    let mut settings = settings(args, registry)?;
     let model = registry.model(&args.model, &BuildContext { seed: args.seed, ..BuildContext::default() })?;
     let (form, camera) = (args.rotation, camera(args.camera.as_deref())?);
     check_depth(args, &model.layout)?;
@@ -66,7 +65,7 @@ pub fn load(args: &ProblemArgs) -> Result<Loaded, Failure> {
         &args.start,
         &settings.start,
         &starts::Context { model: &args.model, layout: &model.layout, form, depth: args.depth },
-        &registry,
+        registry,
     )?;
     if let (Some(choice), Start::Named(name)) = (args.reflections, &settings.start) {
         let allow = choice == Reflections::Allow;
@@ -81,7 +80,7 @@ pub fn load(args: &ProblemArgs) -> Result<Loaded, Failure> {
     }
     let (source, target) = (to_image(source, camera, &args.source)?, to_image(target, camera, &args.target)?);
     let execution = execution(args.threads, isa, source.len().max(target.len()))?;
-    let prepared = Prepared::new(&registry, &settings, &source, &target, &execution)
+    let prepared = Prepared::new(registry, &settings, &source, &target, &execution)
         .map_err(|error| name_file(error, args, &target))?;
     Ok(Loaded {
         registry,
@@ -211,13 +210,6 @@ pub fn name_file(error: cfpose::Error, args: &ProblemArgs, target: &Points) -> F
     }
 }
 
-/// Split a text at commas, semicolons and blanks and read every part as a number; `None` when one is none.
-pub fn numbers(text: &str) -> Option<Vec<f64>> {
-    let parts = text.split(|c: char| c == ',' || c == ';' || c.is_whitespace()).filter(|part| !part.is_empty());
-    let list: Result<Vec<f64>, _> = parts.map(str::parse).collect();
-    list.ok().filter(|list| !list.is_empty())
-}
-
 fn camera(text: Option<&str>) -> Result<Option<Camera>, Failure> {
     let Some(text) = text else { return Ok(None) };
     let camera = match numbers(text).as_deref() {
@@ -292,7 +284,7 @@ fn free_columns(args: &ProblemArgs, layout: &Layout) -> Result<Vec<usize>, Failu
 }
 
 /// Return the homography of a theta in the units of the files, last entry 1; `None` where the model has none.
-pub fn homography(loaded: &Loaded, theta: &[f64]) -> Option<[[f64; 3]; 3]> {
+pub fn homography(loaded: &Loaded<'_>, theta: &[f64]) -> Option<[[f64; 3]; 3]> {
     let matrix = (loaded.prepared.model.homography?)(theta);
     let of_file = |dim: usize| loaded.camera.filter(|_| dim == 2).map(|camera| camera.intrinsics());
     let (source, target) = (of_file(loaded.source_dim), of_file(loaded.target_dim));
@@ -307,7 +299,7 @@ pub fn maps_to_target(model: &Model) -> bool {
 
 /// Return the pose of a theta, its translation in the unit of `depth` where the model counts in depths; `None` where the
 /// model has no pose.
-pub fn pose(loaded: &Loaded, theta: &[f64], depth: Option<f64>) -> Option<Pose> {
+pub fn pose(loaded: &Loaded<'_>, theta: &[f64], depth: Option<f64>) -> Option<Pose> {
     let pose = Pose::of_theta(&loaded.prepared.model.layout, theta)?;
     let scale = depth.unwrap_or(1.0);
     Some(Pose { translation: pose.translation.map(|value| value * scale), ..pose })

@@ -96,7 +96,7 @@ struct AlternativeReport {
 
 impl PoseReport {
     /// Describe the pose of a theta, where its model has one.
-    pub fn of(loaded: &Loaded, theta: &[f64], depth: Option<f64>) -> Option<Self> {
+    pub fn of(loaded: &Loaded<'_>, theta: &[f64], depth: Option<f64>) -> Option<Self> {
         let pose: Pose = inputs::pose(loaded, theta, depth)?;
         let matrix = pose.matrix();
         let rotation = [0, 1, 2].map(|i| [matrix[i][0], matrix[i][1], matrix[i][2]]);
@@ -108,7 +108,7 @@ impl Report {
     /// Gather what the contract asks for; `correspondence` counts from 0, `None` for a source point without a partner.
     pub fn new(
         args: &ProblemArgs,
-        loaded: &Loaded,
+        loaded: &Loaded<'_>,
         estimate: &Estimate,
         correspondence: Option<Vec<Option<usize>>>,
         seconds: f64,
@@ -166,7 +166,7 @@ impl Report {
     }
 
     /// Write the table for people.
-    pub fn table(&self, loaded: &Loaded, estimate: &Estimate) -> String {
+    pub fn table(&self, loaded: &Loaded<'_>, estimate: &Estimate) -> String {
         let layout = &loaded.prepared.model.layout;
         let mut rows = vec![
             vec!["model".into(), self.model.clone()],

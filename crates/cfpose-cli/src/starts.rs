@@ -6,8 +6,8 @@ use cfpose::entry::{NamedEntry, find, parse_spec, suggest};
 use cfpose::theta::{Layout, RotationForm};
 use cfpose::{Registry, Start};
 
+use crate::args::numbers;
 use crate::failure::Failure;
-use crate::inputs::numbers;
 
 /// What a theta in a file has to fit.
 pub struct Context<'a> {

@@ -5,6 +5,7 @@ use std::time::Instant;
 
 use cfpose::readout::MAX_ASSIGNED;
 use cfpose::{Estimate, Points, PointsError, Pose, Supervision};
+use cfpose_lab::Lab;
 use cfpose_vision::{Camera, PoseFormat, StampedPose, write_points};
 
 use crate::args::{EstimateArgs, Matching};
@@ -21,15 +22,15 @@ const SMALL: usize = 1000;
 ///
 /// # Errors
 /// [`Failure`]; a run without a usable result fails after its JSON is written, and writes neither pose nor points.
-pub fn run(args: &EstimateArgs) -> Result<(), Failure> {
+pub fn run(args: &EstimateArgs, lab: &Lab) -> Result<(), Failure> {
     let begun = Instant::now();
-    let loaded = inputs::load(&args.problem)?;
+    let loaded = inputs::load(&args.problem, &lab.registry)?;
     check_outputs(args, &loaded)?;
     let mut watch = Watch::new(args.verbose, loaded.prepared.starts.len());
     let supervision = Supervision { observer: Some(&mut watch), ..Supervision::default() };
     let estimate = loaded
         .prepared
-        .solve(&loaded.registry, supervision)
+        .solve(loaded.registry, supervision)
         .map_err(|error| inputs::name_file(error, &args.problem, &loaded.prepared.target))?;
     drop(watch);
     let correspondence = correspondence(args, &loaded, &estimate);
@@ -45,7 +46,7 @@ pub fn run(args: &EstimateArgs) -> Result<(), Failure> {
 }
 
 /// Read off who corresponds to whom; a theta that maps points to infinity has no correspondence, and its status says so.
-fn correspondence(args: &EstimateArgs, loaded: &Loaded, estimate: &Estimate) -> Option<Vec<Option<usize>>> {
+fn correspondence(args: &EstimateArgs, loaded: &Loaded<'_>, estimate: &Estimate) -> Option<Vec<Option<usize>>> {
     match args.correspondence {
         None if loaded.num_source >= SMALL => None,
         Some(Matching::OneToOne) => {
@@ -59,7 +60,7 @@ fn correspondence(args: &EstimateArgs, loaded: &Loaded, estimate: &Estimate) -> 
 }
 
 /// Refuse outputs that the model does not have, before any work is done.
-fn check_outputs(args: &EstimateArgs, loaded: &Loaded) -> Result<(), Failure> {
+fn check_outputs(args: &EstimateArgs, loaded: &Loaded<'_>) -> Result<(), Failure> {
     let (model, name) = (&loaded.prepared.model, &args.problem.model);
     let num_points = loaded.num_source.max(loaded.num_target);
     if args.correspondence == Some(Matching::OneToOne) && num_points > MAX_ASSIGNED {
@@ -94,7 +95,7 @@ fn check_outputs(args: &EstimateArgs, loaded: &Loaded) -> Result<(), Failure> {
     output::check_writable(args.transformed_out.as_deref())
 }
 
-fn write_outputs(args: &EstimateArgs, loaded: &Loaded, estimate: &Estimate) -> Result<(), Failure> {
+fn write_outputs(args: &EstimateArgs, loaded: &Loaded<'_>, estimate: &Estimate) -> Result<(), Failure> {
     if let Some(path) = &args.pose_out
         && let Some(pose) = inputs::pose(loaded, &estimate.theta, args.problem.depth)
     {
@@ -114,7 +115,7 @@ fn write_pose(path: &Path, pose: Pose) -> Result<(), Failure> {
 
 /// Return the source points at theta in the units of the target file: rays become image points or pixels where the target
 /// file holds these.
-fn transformed(loaded: &Loaded, theta: &[f64]) -> Result<Points, PointsError> {
+fn transformed(loaded: &Loaded<'_>, theta: &[f64]) -> Result<Points, PointsError> {
     let mapped = loaded.prepared.problem.mapped_source(theta)?;
     if loaded.target_dim == 2 { loaded.camera.unwrap_or(Camera::IDENTITY).project(&mapped) } else { Ok(mapped) }
 }

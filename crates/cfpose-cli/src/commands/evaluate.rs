@@ -1,8 +1,9 @@
 //! `cfpose evaluate`: residual, Jacobian and feature means at one theta.
 
+use cfpose_lab::Lab;
 use serde::Serialize;
 
-use crate::args::EvaluateArgs;
+use crate::args::{EvaluateArgs, numbers};
 use crate::failure::Failure;
 use crate::output::{self, number};
 use crate::{inputs, starts};
@@ -22,10 +23,10 @@ struct Report<'a> {
 ///
 /// # Errors
 /// [`Failure`]; a residual that is not finite is no usable result.
-pub fn run(args: &EvaluateArgs) -> Result<(), Failure> {
+pub fn run(args: &EvaluateArgs, lab: &Lab) -> Result<(), Failure> {
     let no_list = || Failure::usage(format!("--at `{}` is no list of numbers", args.at));
-    let list = inputs::numbers(&args.at).ok_or_else(no_list)?;
-    let loaded = inputs::load(&args.problem)?;
+    let list = numbers(&args.at).ok_or_else(no_list)?;
+    let loaded = inputs::load(&args.problem, &lab.registry)?;
     let theta = starts::theta(&list, "--at", &loaded.prepared.model.layout, loaded.form)?;
     let evaluation = loaded.prepared.evaluate(&theta);
     let width = loaded.prepared.num_unknowns();
