@@ -3,6 +3,7 @@
 //! ```text
 //! cargo bench -p cfpose-benches --bench kernel             # ratios, then the table of all pairs (long)
 //! cargo bench -p cfpose-benches --bench kernel -- ratios   # ratios only
+//! cargo bench -p cfpose-benches --bench kernel -- lanes    # fails where lanes are not faster than plain numbers
 //! cargo bench -p cfpose-benches --bench kernel -- rigid3   # pairs whose name contains the word
 //! ```
 //!
@@ -24,6 +25,8 @@ mod custom_family;
 mod custom_model;
 #[path = "kernel/hand.rs"]
 mod hand;
+#[path = "kernel/lanes.rs"]
+mod lanes;
 #[path = "kernel/scalar.rs"]
 mod scalar;
 
@@ -68,6 +71,7 @@ fn main() -> Result<(), Failure> {
     match filter.as_str() {
         "peers" => return peers(),
         "ratios" => return ratios(),
+        "lanes" => return lanes::lanes_are_faster_than_plain_numbers(),
         "" => ratios()?,
         _ => {}
     }

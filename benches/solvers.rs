@@ -3,7 +3,7 @@
 //! `cargo bench -p cfpose-benches --bench solvers`; an argument filters by name. Evaluations and final costs are printed first.
 use std::hint::black_box;
 
-use cfpose::entry::Registry;
+use cfpose::Registry;
 use cfpose::{Estimator, Execution, Settings, Start, Supervision};
 use criterion::Criterion;
 

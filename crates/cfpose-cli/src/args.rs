@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use cfpose::theta::RotationForm;
-use clap::{Args, Parser, Subcommand, ValueEnum};
+use clap::{Args, CommandFactory, FromArgMatches, Parser, Subcommand, ValueEnum};
 
 /// Estimate a pose or another transformation between two point sets without correspondences.
 #[derive(Debug, Parser)]
@@ -13,6 +13,29 @@ pub struct Arguments {
     /// Command.
     #[command(subcommand)]
     pub command: Command,
+}
+
+/// Name of the program that ships with the library.
+const SHIPPED: &str = "cfpose";
+
+/// Return the name by which this process was called, without folders and `.exe`.
+pub fn program() -> String {
+    let called = std::env::args_os().next().map(PathBuf::from);
+    let name = called.as_deref().and_then(|path| path.file_stem()).map(|name| name.to_string_lossy().into_owned());
+    name.filter(|name| !name.is_empty()).unwrap_or_else(|| SHIPPED.to_string())
+}
+
+/// Read the arguments of the process.
+///
+/// # Errors
+/// What clap says, to be printed; help and version are such errors too.
+pub fn parse() -> Result<Arguments, clap::Error> {
+    let name = program();
+    let mut command = Arguments::command().bin_name(&name).display_name(&name);
+    if name != SHIPPED {
+        command = command.version(concat!("with cfpose ", env!("CARGO_PKG_VERSION")));
+    }
+    Arguments::from_arg_matches(&command.try_get_matches()?)
 }
 
 /// The commands.
@@ -38,7 +61,7 @@ pub enum Command {
     Report(FolderArgs),
     /// Work with pose files
     Pose(PoseArgs),
-    /// Write the reference pages and the lists of the README from the tables
+    /// Write the pages and lists of docs/reference from the tables
     Docs(DocsArgs),
 }
 
@@ -352,4 +375,11 @@ fn rotation_form(text: &str) -> Result<RotationForm, String> {
 /// Return the name of a value as it stands on the command line.
 pub fn name_of<V: ValueEnum>(value: V) -> String {
     value.to_possible_value().map(|possible| possible.get_name().to_string()).unwrap_or_default()
+}
+
+/// Split a text at commas, semicolons and blanks and read every part as a number; `None` when one is none.
+pub fn numbers(text: &str) -> Option<Vec<f64>> {
+    let parts = text.split(|c: char| c == ',' || c == ';' || c.is_whitespace()).filter(|part| !part.is_empty());
+    let list: Result<Vec<f64>, _> = parts.map(str::parse).collect();
+    list.ok().filter(|list| !list.is_empty())
 }

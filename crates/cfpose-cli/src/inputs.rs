@@ -1,4 +1,4 @@
-//! From arguments and files to a prepared problem.
+//! From arguments and files to an estimator.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -9,20 +9,18 @@ use cfpose::homography::in_file_units;
 use cfpose::model::TargetSide;
 use cfpose::theta::{Layout, RotationForm};
 use cfpose::{
-    BuildContext, BuildError, Execution, Isa, Model, Points, PointsError, Pose, Prepared, Registry, Settings, Start,
+    BuildContext, BuildError, Estimator, Execution, Isa, Model, Points, PointsError, Pose, Registry, Settings, Start,
 };
 use cfpose_vision::{Camera, PointFile, ReadOptions, read_points};
 
-use crate::args::{FrameName, ProblemArgs, Reflections};
+use crate::args::{FrameName, ProblemArgs, Reflections, numbers};
 use crate::failure::{Failure, Kind, is_wrong_name};
 use crate::{output, starts};
 
 /// A problem built from arguments and files.
 pub struct Loaded {
-    /// The tables names were looked up in.
-    pub registry: Registry,
     /// The problem.
-    pub prepared: Prepared,
+    pub estimator: Estimator,
     /// Instruction set.
     pub isa: Isa,
     /// Number of source points.
@@ -52,9 +50,8 @@ impl Loaded {
 ///
 /// # Errors
 /// Wrong names and numbers are usage, files and points are input; names are checked before files are read.
-pub fn load(args: &ProblemArgs) -> Result<Loaded, Failure> {
-    let registry = Registry::default();
-    let mut settings = settings(args, &registry)?;
+pub fn load(args: &ProblemArgs, registry: &Registry) -> Result<Loaded, Failure> {
+    let mut settings = settings(args, registry)?;
     let model = registry.model(&args.model, &BuildContext { seed: args.seed, ..BuildContext::default() })?;
     let (form, camera) = (args.rotation, camera(args.camera.as_deref())?);
     check_depth(args, &model.layout)?;
@@ -64,13 +61,12 @@ pub fn load(args: &ProblemArgs) -> Result<Loaded, Failure> {
     settings.free = args.free.is_some().then(|| free.clone());
     settings.start = starts::parse(
         &args.start,
-        &settings.start,
         &starts::Context { model: &args.model, layout: &model.layout, form, depth: args.depth },
-        &registry,
+        registry,
     )?;
-    if let (Some(choice), Start::Named(name)) = (args.reflections, &settings.start) {
+    if let (Some(choice), Some(Start::Named(name))) = (args.reflections, &settings.start) {
         let allow = choice == Reflections::Allow;
-        settings.start = Start::Named(cfpose::start::with_reflections(&registry.starts, name, allow));
+        settings.start = Some(Start::Named(cfpose::start::with_reflections(&registry.starts, name, allow)));
     }
     output::check_writable(args.json.as_deref())?;
     let source = read(&args.source)?;
@@ -81,11 +77,10 @@ pub fn load(args: &ProblemArgs) -> Result<Loaded, Failure> {
     }
     let (source, target) = (to_image(source, camera, &args.source)?, to_image(target, camera, &args.target)?);
     let execution = execution(args.threads, isa, source.len().max(target.len()))?;
-    let prepared = Prepared::new(&registry, &settings, &source, &target, &execution)
+    let estimator = Estimator::new(registry, &settings, &source, &target, &execution)
         .map_err(|error| name_file(error, args, &target))?;
     Ok(Loaded {
-        registry,
-        prepared,
+        estimator,
         isa,
         num_source: source.len(),
         num_target: target.len(),
@@ -96,9 +91,6 @@ pub fn load(args: &ProblemArgs) -> Result<Loaded, Failure> {
         form,
     })
 }
-
-/// The word that leaves a choice to the preset.
-const PRESET_CHOICE: &str = "auto";
 
 /// Read the stages of an estimator.
 fn pipeline(path: &Path) -> Result<Pipeline, Failure> {
@@ -117,25 +109,27 @@ fn pipeline(path: &Path) -> Result<Pipeline, Failure> {
 /// Resolve the preset, let flags win over it, and look up every name.
 fn settings(args: &ProblemArgs, registry: &Registry) -> Result<Settings, Failure> {
     let mut settings = Settings::preset(&args.preset, &args.model)?;
-    settings.features = args.features.clone().unwrap_or(settings.features);
-    settings.solver = args.solver.clone().unwrap_or(settings.solver);
-    settings.normaliser = args.normalise.clone().or(settings.normaliser);
-    settings.weighting = args.weighting.clone().unwrap_or(settings.weighting);
+    settings.features.clone_from(&args.features);
+    settings.solver.clone_from(&args.solver);
+    settings.normaliser.clone_from(&args.normalise);
+    settings.weighting.clone_from(&args.weighting);
     settings.seed = args.seed;
     settings.sampling = args.sampling.given();
     if let Some(path) = &args.pipeline {
         settings.pipeline = Some(pipeline(path)?);
     }
     // What the preset leaves open is looked up when the model is known.
-    if settings.features != PRESET_CHOICE {
-        match registry.family(&settings.features, &BuildContext::default()) {
+    if let Some(features) = &settings.features {
+        match registry.family(features, &BuildContext::default()) {
             Err(error) if is_wrong_name(&error) => return Err(error.into()),
             _ => {} // what depends on data is built with them
         }
     }
-    registry.solver(&settings.solver)?;
-    if settings.weighting != PRESET_CHOICE {
-        registry.weighting(&settings.weighting)?;
+    if let Some(solver) = &settings.solver {
+        registry.solver(solver)?;
+    }
+    if let Some(weighting) = &settings.weighting {
+        registry.weighting(weighting)?;
     }
     if let Some(normaliser) = &settings.normaliser {
         registry.normaliser(normaliser)?;
@@ -209,13 +203,6 @@ pub fn name_file(error: cfpose::Error, args: &ProblemArgs, target: &Points) -> F
         Some(path) => Failure { kind: Kind::Input, error: anyhow::anyhow!("{}: {error}", path.display()) },
         None => error.into(),
     }
-}
-
-/// Split a text at commas, semicolons and blanks and read every part as a number; `None` when one is none.
-pub fn numbers(text: &str) -> Option<Vec<f64>> {
-    let parts = text.split(|c: char| c == ',' || c == ';' || c.is_whitespace()).filter(|part| !part.is_empty());
-    let list: Result<Vec<f64>, _> = parts.map(str::parse).collect();
-    list.ok().filter(|list| !list.is_empty())
 }
 
 fn camera(text: Option<&str>) -> Result<Option<Camera>, Failure> {
@@ -293,7 +280,7 @@ fn free_columns(args: &ProblemArgs, layout: &Layout) -> Result<Vec<usize>, Failu
 
 /// Return the homography of a theta in the units of the files, last entry 1; `None` where the model has none.
 pub fn homography(loaded: &Loaded, theta: &[f64]) -> Option<[[f64; 3]; 3]> {
-    let matrix = (loaded.prepared.model.homography?)(theta);
+    let matrix = loaded.estimator.homography(theta)?;
     let of_file = |dim: usize| loaded.camera.filter(|_| dim == 2).map(|camera| camera.intrinsics());
     let (source, target) = (of_file(loaded.source_dim), of_file(loaded.target_dim));
     let h = in_file_units(&matrix, source.as_ref(), target.as_ref())?;
@@ -308,7 +295,7 @@ pub fn maps_to_target(model: &Model) -> bool {
 /// Return the pose of a theta, its translation in the unit of `depth` where the model counts in depths; `None` where the
 /// model has no pose.
 pub fn pose(loaded: &Loaded, theta: &[f64], depth: Option<f64>) -> Option<Pose> {
-    let pose = Pose::of_theta(&loaded.prepared.model.layout, theta)?;
+    let pose = Pose::of_theta(&loaded.estimator.model().layout, theta)?;
     let scale = depth.unwrap_or(1.0);
     Some(Pose { translation: pose.translation.map(|value| value * scale), ..pose })
 }

@@ -1,5 +1,6 @@
 //! The result of `estimate`: the JSON object of the contract and the table for people.
 
+use cfpose::estimator::{By, Minimised, StageReport};
 use cfpose::theta::RotationForm;
 use cfpose::{Estimate, Pose};
 use serde::Serialize;
@@ -51,23 +52,11 @@ pub struct Report {
     /// Whether theta was refined by closest points.
     refined: bool,
     /// What each stage of the estimator did.
-    stages: Vec<StageRow>,
-}
-
-/// What one stage did.
-#[derive(Debug, Serialize)]
-struct StageRow {
-    name: String,
-    solves: usize,
-    evaluations: usize,
-    rejected: usize,
-}
-
-impl StageRow {
-    fn of(report: &cfpose::estimator::StageReport) -> Self {
-        let cfpose::estimator::StageReport { name, solves, evaluations, rejected } = report.clone();
-        Self { name, solves, evaluations, rejected }
-    }
+    stages: Vec<StageReport>,
+    /// What theta is the best fit of: means of features (`moments`) or distances between the points (`points`).
+    by: By,
+    /// What was minimised last: `evaluate --at` of this file gives its cost.
+    minimised: Minimised,
 }
 
 /// Cut a square matrix into its rows.
@@ -113,8 +102,8 @@ impl Report {
         correspondence: Option<Vec<Option<usize>>>,
         seconds: f64,
     ) -> Self {
-        let settings = loaded.prepared.settings();
-        let list = |theta: &[f64]| loaded.prepared.model.layout.to_list(theta, loaded.form);
+        let (settings, last) = (loaded.estimator.settings(), &estimate.minimised.stage);
+        let list = |theta: &[f64]| loaded.estimator.model().layout.to_list(theta, loaded.form);
         let statistics = estimate.statistics.as_ref();
         let alternatives = estimate.alternatives.iter().map(|other| AlternativeReport {
             theta: list(&other.theta),
@@ -125,10 +114,10 @@ impl Report {
         Self {
             schema: "cfpose.estimate/1",
             model: settings.model.clone(),
-            features: settings.features.clone(),
-            solver: settings.solver.clone(),
-            normalise: loaded.prepared.normaliser.clone(),
-            weighting: settings.weighting.clone(),
+            features: last.features.clone(),
+            solver: last.solver.clone().unwrap_or_default(),
+            normalise: last.normaliser.clone().unwrap_or_default(),
+            weighting: last.weighting.clone(),
             preset: settings.preset.clone(),
             sampling: estimate.sampling.map_or_else(|| name_of(args.sampling), str::to_string),
             seed: settings.seed,
@@ -161,13 +150,15 @@ impl Report {
             condition: estimate.conditioning.condition,
             clutter: estimate.clutter,
             refined: estimate.refined,
-            stages: estimate.stages.iter().map(StageRow::of).collect(),
+            stages: estimate.stages.clone(),
+            by: estimate.by,
+            minimised: estimate.minimised.clone(),
         }
     }
 
     /// Write the table for people.
     pub fn table(&self, loaded: &Loaded, estimate: &Estimate) -> String {
-        let layout = &loaded.prepared.model.layout;
+        let layout = &loaded.estimator.model().layout;
         let mut rows = vec![
             vec!["model".into(), self.model.clone()],
             vec![

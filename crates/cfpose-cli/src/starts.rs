@@ -6,8 +6,8 @@ use cfpose::entry::{NamedEntry, find, parse_spec, suggest};
 use cfpose::theta::{Layout, RotationForm};
 use cfpose::{Registry, Start};
 
+use crate::args::numbers;
 use crate::failure::Failure;
-use crate::inputs::numbers;
 
 /// What a theta in a file has to fit.
 pub struct Context<'a> {
@@ -21,29 +21,29 @@ pub struct Context<'a> {
     pub depth: Option<f64>,
 }
 
-/// Read `--start`.
+/// Read `--start`; `None` for the word that leaves it to the preset.
 ///
 /// # Errors
 /// Usage for what is neither a strategy nor numbers nor a file, and for numbers that are no theta; input for a file that
 /// holds none.
-pub fn parse(text: &str, default: &Start, context: &Context<'_>, registry: &Registry) -> Result<Start, Failure> {
+pub fn parse(text: &str, context: &Context<'_>, registry: &Registry) -> Result<Option<Start>, Failure> {
     let text = text.trim();
     if text == "auto" {
-        return Ok(default.clone());
+        return Ok(None);
     }
     if let Some(list) = numbers(text) {
-        return Ok(Start::Given(vec![theta(&list, "--start", context.layout, context.form)?]));
+        return Ok(Some(Start::Given(vec![theta(&list, "--start", context.layout, context.form)?])));
     }
     let name = parse_spec(text).map(|(name, _)| name).unwrap_or_default();
     if registry.starts.iter().any(|entry| entry.name() == name) {
         find("start", &registry.starts, text)?;
         registry.start(text)?;
-        return Ok(Start::Named(text.to_string()));
+        return Ok(Some(Start::Named(text.to_string())));
     }
     let path = Path::new(text);
     // A word without dot or slash that names no file is a mistyped strategy, not a missing file.
     if path.exists() || text.contains(['.', '/']) {
-        return Ok(Start::Given(from_file(path, context)?));
+        return Ok(Some(Start::Given(from_file(path, context)?)));
     }
     let known = registry.starts.iter().map(|entry| entry.name()).chain(["auto"]);
     let near = suggest(text, known);

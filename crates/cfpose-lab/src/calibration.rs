@@ -1,5 +1,8 @@
 //! Whether reported uncertainties are true: errors in units of the reported covariance.
 
+use cfpose::PoseError;
+use cfpose::free::columns;
+use cfpose::theta::Layout;
 use cfpose_optim::Manifold;
 
 /// Return the squared Mahalanobis distance d' C^-1 d of the truth from the estimate, d the tangent step from the estimate to
@@ -47,6 +50,31 @@ pub fn mahalanobis(manifold: &dyn Manifold, estimate: &[f64], truth: &[f64], cov
         squared += whitened[i] * whitened[i];
     }
     Some(squared).filter(|value| value.is_finite())
+}
+
+/// Return the error of a pose that a covariance of its tangent coordinates (tangent x tangent, row by row) lets expect: the roots
+/// of the traces of the rotation's part (radians) and of the translation's part, each a root mean square.
+///
+/// `None` for a layout without rotation or translation, and for a covariance of other coordinates.
+///
+/// ```
+/// use cfpose::theta::Layout;
+/// let mut covariance = [0.0; 36];
+/// [4.0, 0.0, 0.0, 1.0, 4.0, 4.0].iter().enumerate().for_each(|(i, variance)| covariance[7 * i] = *variance);
+/// let error = cfpose_lab::calibration::expected_error(&Layout::pose3(), &covariance).unwrap();
+/// assert_eq!((error.angle, error.translation), (2.0, 3.0));
+/// ```
+pub fn expected_error(layout: &Layout, covariance: &[f64]) -> Option<PoseError> {
+    let (columns, blocks) = (columns(layout), layout.blocks());
+    if covariance.len() != columns.len() * columns.len() {
+        return None;
+    }
+    let root_of_trace = |names: &[&str]| {
+        let mine = |j: &usize| names.contains(&blocks[columns[*j].block].name);
+        let diagonal: Vec<f64> = (0..columns.len()).filter(mine).map(|j| covariance[j * columns.len() + j]).collect();
+        (!diagonal.is_empty()).then(|| diagonal.iter().sum::<f64>().sqrt()).filter(|root| root.is_finite())
+    };
+    Some(PoseError { angle: root_of_trace(&["rotation", "angle"])?, translation: root_of_trace(&["translation"])? })
 }
 
 /// Return the central 95 % band of the mean of `count` independent chi-square values of `dof` degrees of freedom; `None` without

@@ -6,11 +6,11 @@ use std::path::{Path, PathBuf};
 use cfpose::entry::{EntryError, Parameters, find, parse_spec, suggest};
 use toml::{Table, Value};
 
+use crate::cell::Cell;
 use crate::error::LabError;
 use crate::folder;
 use crate::lab::Lab;
 use crate::method::{DEFAULT_PRESET, Method, SCENARIO_START};
-use crate::plan::Cell;
 use crate::seed::fnv1a;
 use crate::value::{canonical, text_of, toml_of};
 

@@ -9,8 +9,8 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use crate::error::LabError;
-use crate::plan::Shard;
 use crate::record::Record;
+use crate::shard::Shard;
 
 /// Name of the resolved experiment.
 pub const EXPERIMENT: &str = "experiment.toml";

@@ -11,7 +11,9 @@
 //! The crate never parses arguments.
 
 pub mod calibration;
+mod cell;
 pub mod config;
+pub mod curves;
 pub mod error;
 pub mod folder;
 pub mod lab;
@@ -22,19 +24,26 @@ pub mod plot;
 pub mod record;
 pub mod report;
 pub mod run;
+mod sampling;
 pub mod scenario;
 pub mod scenarios;
 pub mod seed;
+mod shard;
 pub mod statistics;
 pub mod summary;
 pub mod table;
 mod trial;
 mod value;
 
+/// The random numbers of scenarios, in the versions that [`Scenario::trial`] takes.
+pub use rand_chacha::{self, ChaCha12Rng};
+pub use {rand, rand_distr};
+
 pub use config::Experiment;
 pub use error::LabError;
 pub use lab::Lab;
 pub use merge::{FolderStatus, Merged, merge, status};
+pub use method::Method;
 pub use plan::{Cell, Plan, Shard};
 pub use record::Record;
 pub use run::{Progress, RunOptions, RunReport, run};

@@ -1,7 +1,6 @@
 //! A method: a name for preset, or model + features + normaliser + weighting + solver + starts.
 
-use cfpose::entry::{EntryError, find};
-use cfpose::{BuildContext, Registry, Settings, Start};
+use cfpose::{BuildContext, BuildError, Registry, Settings, Start};
 use serde::Serialize;
 
 /// Start that takes the scenario's own theta_0.
@@ -95,7 +94,6 @@ impl Method {
     /// # Errors
     /// [`cfpose::Error`] for an unknown name, a bad parameter, or a model whose theta is not laid out as the scenario's.
     pub fn check(&self, registry: &Registry, scenario_model: &str) -> Result<Settings, cfpose::Error> {
-        let build = |error: EntryError| cfpose::Error::Build(error.into());
         let context = BuildContext::default();
         let truth = registry.model(scenario_model, &context)?;
         let settings = self.settings(scenario_model, Some(&truth.identity), 0)?;
@@ -110,9 +108,11 @@ impl Method {
                 settings.model
             )));
         }
-        // Families may depend on the data, so only name and parameters are checked here.
-        if let Some(features) = &settings.features {
-            find("family", &registry.families, features).map_err(build)?;
+        // Families may depend on the data, so only names and parameters are checked here, those of the parts of a sum too.
+        if let Some(features) = &settings.features
+            && let Err(error @ cfpose::Error::Build(BuildError::Entry(_))) = registry.family(features, &context)
+        {
+            return Err(error);
         }
         if let Some(weighting) = &settings.weighting {
             registry.weighting(weighting)?;

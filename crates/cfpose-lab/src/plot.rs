@@ -1,12 +1,13 @@
 //! Figures as SVG text: point sets before and after an estimate.
 
 use cfpose::{Estimator, Points};
+use cfpose_optim::Manifold;
 use plotters::prelude::*;
 
 use crate::error::LabError;
 
 /// One panel: two sets of points in the plane.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Default)]
 pub struct Panel {
     /// Title above the panel.
     pub title: String,
@@ -14,6 +15,37 @@ pub struct Panel {
     pub moved: Vec<[f64; 2]>,
     /// Target points.
     pub target: Vec<[f64; 2]>,
+    /// Error ellipses of some moved points.
+    pub ellipses: Vec<Ellipse>,
+}
+
+/// Where a moved point may be: the covariance of theta, carried over to the point.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Ellipse {
+    /// The moved point.
+    pub centre: [f64; 2],
+    /// Lower triangle L of the covariance L L' of the point: L_xx, L_yx, L_yy.
+    pub root: [f64; 3],
+}
+
+impl Ellipse {
+    /// Return points on the ellipse that holds 95 % of a normal distribution, its axes enlarged by a factor.
+    pub fn outline(&self, factor: f64) -> Vec<[f64; 2]> {
+        // The 95 % quantile of chi-square with two degrees of freedom is 5.991.
+        let size = factor * 5.991_f64.sqrt();
+        let [xx, yx, yy] = self.root.map(|entry| entry * size);
+        let at = |k: u32| {
+            let (sine, cosine) = (f64::from(k) * std::f64::consts::TAU / 48.0).sin_cos();
+            [self.centre[0] + xx * cosine, self.centre[1] + yx * cosine + yy * sine]
+        };
+        (0..=48).map(at).collect()
+    }
+
+    /// Return the larger half width along the axes of the figure, not enlarged.
+    fn half_width(&self) -> f64 {
+        let [xx, yx, yy] = self.root;
+        5.991_f64.sqrt() * xx.abs().max(yx.hypot(yy))
+    }
 }
 
 /// Most points that are drawn of a set; a larger set is thinned evenly.
@@ -23,6 +55,11 @@ const PANEL: u32 = 420;
 /// Height of the figure in pixels: with titles and labels taken off, the plotted area is a square.
 const HEIGHT: u32 = PANEL + 37;
 const MOVED: RGBColor = RGBColor(214, 90, 49);
+const ELLIPSE: RGBColor = RGBColor(20, 20, 20);
+/// Ellipses of a panel.
+const NUM_ELLIPSES: usize = 12;
+/// Half width that the largest ellipse is enlarged to, at most, as a share of the figure.
+const ELLIPSE_SHARE: f64 = 0.1;
 const TARGET: RGBColor = RGBColor(44, 92, 138);
 
 /// Return the image coordinates (x / z, y / z) of points in 3-D, points at depth <= 0 left out; the first two coordinates
@@ -40,18 +77,100 @@ pub fn seen_from_above(points: &Points) -> Vec<[f64; 2]> {
     (0..points.len()).map(|k| points.point(k)).map(|[x, y, _]| [x, y]).collect()
 }
 
+/// Return the error ellipses of evenly chosen source points: C = J Sigma J', J the derivative of the point in the figure with
+/// respect to the tangent coordinates at theta (by central differences), Sigma their covariance (tangent x tangent, row by
+/// row; all coordinates free). None for a covariance of other coordinates.
+///
+/// # Errors
+/// [`cfpose::Error`] when a mapped point is not finite.
+pub fn ellipses(estimator: &Estimator, theta: &[f64], covariance: &[f64]) -> Result<Vec<Ellipse>, cfpose::Error> {
+    let manifold = estimator.model().layout.manifold();
+    let m = manifold.tangent();
+    if covariance.len() != m * m {
+        return Ok(Vec::new());
+    }
+    let projects = projects(estimator);
+    let map = |theta: &[f64]| -> Result<Vec<Option<[f64; 2]>>, cfpose::Error> {
+        let moved = estimator.mapped_source(theta)?;
+        let chosen = (0..moved.len()).step_by(moved.len().div_ceil(NUM_ELLIPSES).max(1));
+        let flat = |[x, y, z]: [f64; 3]| {
+            let image = projects && moved.dim() == 3;
+            if image { (z > 0.0).then(|| [x / z, y / z]) } else { Some([x, y]) }
+        };
+        Ok(chosen.map(|k| flat(moved.point(k))).collect())
+    };
+    let centres = map(theta)?;
+    let mut slopes = Vec::new();
+    for j in 0..m {
+        let mut sides = [Vec::new(), Vec::new()];
+        for (side, sign) in sides.iter_mut().zip([1.0, -1.0]) {
+            let (mut step, mut moved) = (vec![0.0; m], theta.to_vec());
+            step[j] = sign * DIFFERENCE;
+            manifold.retract(theta, &step, &mut moved);
+            *side = map(&moved)?;
+        }
+        slopes.push(sides);
+    }
+    let slope = |k: usize, j: usize| -> Option<[f64; 2]> {
+        let (after, before) = (slopes[j][0][k]?, slopes[j][1][k]?);
+        Some([0, 1].map(|d| (after[d] - before[d]) / (2.0 * DIFFERENCE)))
+    };
+    let ellipse = |(k, centre): (usize, &Option<[f64; 2]>)| {
+        let rows: Option<Vec<[f64; 2]>> = (0..m).map(|j| slope(k, j)).collect();
+        let (rows, centre) = (rows?, (*centre)?);
+        let entry = |a: usize, b: usize| -> f64 {
+            (0..m).map(|i| (0..m).map(|j| rows[i][a] * covariance[i * m + j] * rows[j][b]).sum::<f64>()).sum()
+        };
+        let xx = entry(0, 0).sqrt();
+        let yx = if xx > 0.0 { entry(1, 0) / xx } else { 0.0 };
+        let root = [xx, yx, (entry(1, 1) - yx * yx).max(0.0).sqrt()];
+        root.iter().all(|value| value.is_finite()).then_some(Ellipse { centre, root })
+    };
+    Ok(centres.iter().enumerate().filter_map(ellipse).collect())
+}
+
+/// Step of the central differences, in tangent coordinates.
+const DIFFERENCE: f64 = 1e-5;
+
+/// Return the number of 1, 2, 5, 10, 20, ... by which the ellipses of panels are enlarged to be seen; 1 where they are large.
+///
+/// ```
+/// use cfpose_lab::plot::{Ellipse, Panel, enlargement};
+/// let ellipse = Ellipse { centre: [0.0, 0.0], root: [0.001, 0.0, 0.001] };
+/// let corners = vec![[-0.5, 0.0], [0.5, 0.0]];
+/// let panel = Panel { moved: corners, ellipses: vec![ellipse], ..Panel::default() };
+/// assert_eq!(enlargement(&[panel]), 20.0);
+/// ```
+pub fn enlargement(panels: &[Panel]) -> f64 {
+    let largest = panels.iter().flat_map(|panel| &panel.ellipses).map(Ellipse::half_width).fold(0.0, f64::max);
+    let room = bounds(panels).map_or(0.0, |ranges| {
+        ELLIPSE_SHARE * ranges.iter().map(|(low, high)| high - low).fold(0.0, f64::max) / largest
+    });
+    let mut factor = 1.0;
+    for next in (0..6).flat_map(|power| [1.0, 2.0, 5.0].map(|digit| digit * 10_f64.powi(power))) {
+        if next <= room && room.is_finite() {
+            factor = next;
+        }
+    }
+    factor
+}
+
+/// Say whether the model maps points to rays or to an image.
+fn projects(estimator: &Estimator) -> bool {
+    !estimator.model().source.factored().is_some_and(|facts| facts.identity_projection)
+}
+
 /// Make one panel per theta (ambient): where the model puts the source, over the target.
 ///
 /// Motions of points in 3-D are seen along z, models that project (to rays, to an image) in the image plane.
 ///
 /// # Errors
-/// [`PointsError`] when a mapped point is not finite.
+/// [`cfpose::Error`] when a mapped point is not finite.
 pub fn panels(estimator: &Estimator, thetas: &[(&str, &[f64])]) -> Result<Vec<Panel>, cfpose::Error> {
-    let projects = !estimator.model().source.factored().is_some_and(|facts| facts.identity_projection);
-    let flat = if projects { image_coordinates } else { seen_from_above };
+    let flat = if projects(estimator) { image_coordinates } else { seen_from_above };
     let panel = |(title, theta): &(&str, &[f64])| {
         let (moved, target) = estimator.mapped(theta)?;
-        Ok(Panel { title: (*title).to_string(), moved: flat(&moved), target: flat(&target) })
+        Ok(Panel { title: (*title).to_string(), moved: flat(&moved), target: flat(&target), ..Panel::default() })
     };
     thetas.iter().map(panel).collect()
 }
@@ -60,7 +179,7 @@ pub fn panels(estimator: &Estimator, thetas: &[(&str, &[f64])]) -> Result<Vec<Pa
 ///
 /// ```
 /// use cfpose_lab::plot::{Panel, overlay};
-/// let panel = Panel { title: "before".into(), moved: vec![[0.0, 0.0]], target: vec![[1.0, 1.0]] };
+/// let panel = Panel { title: "before".into(), moved: vec![[0.0, 0.0]], target: vec![[1.0, 1.0]], ..Panel::default() };
 /// let svg = overlay("two points", &[panel]).unwrap();
 /// assert!(svg.starts_with("<svg") && svg.contains("before"));
 /// ```
@@ -69,18 +188,22 @@ pub fn panels(estimator: &Estimator, thetas: &[(&str, &[f64])]) -> Result<Vec<Pa
 /// [`LabError::Plot`] when there is nothing finite to draw.
 pub fn overlay(title: &str, panels: &[Panel]) -> Result<String, LabError> {
     let failure = |problem: String| LabError::Plot { figure: title.to_string(), problem };
-    let points = || panels.iter().flat_map(|panel| panel.moved.iter().chain(&panel.target));
-    let finite = || points().filter(|p| p.iter().all(|x| x.is_finite()));
-    if finite().next().is_none() {
-        return Err(failure("there are no finite points".to_string()));
-    }
-    let bounds = [0, 1]
-        .map(|d| finite().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), p| (low.min(p[d]), high.max(p[d]))));
+    let bounds = bounds(panels).ok_or_else(|| failure("there are no finite points".to_string()))?;
     let half = bounds.iter().map(|(low, high)| high - low).fold(1e-9, f64::max) * 0.55;
     let ranges = bounds.map(|(low, high)| (0.5 * (low + high) - half)..(0.5 * (low + high) + half));
     let mut svg = String::new();
     draw(&mut svg, title, panels, &ranges).map_err(failure)?;
     Ok(svg)
+}
+
+/// Return the least and largest coordinates over all panels; none without a finite point.
+fn bounds(panels: &[Panel]) -> Option<[(f64, f64); 2]> {
+    let points = panels.iter().flat_map(|panel| panel.moved.iter().chain(&panel.target));
+    let finite: Vec<&[f64; 2]> = points.filter(|p| p.iter().all(|x| x.is_finite())).collect();
+    let range = |d: usize| {
+        finite.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), p| (low.min(p[d]), high.max(p[d])))
+    };
+    (!finite.is_empty()).then(|| [range(0), range(1)])
 }
 
 fn draw(svg: &mut String, title: &str, panels: &[Panel], ranges: &[std::ops::Range<f64>; 2]) -> Result<(), String> {
@@ -105,6 +228,19 @@ fn draw(svg: &mut String, title: &str, panels: &[Panel], ranges: &[std::ops::Ran
                 .map_err(text)?
                 .label(label)
                 .legend(move |(x, y)| Circle::new((x + 8, y), 4, colour.filled()));
+        }
+        if !panel.ellipses.is_empty() {
+            let factor = enlargement(panels);
+            let outlines = panel.ellipses.iter().map(|ellipse| {
+                let outline = ellipse.outline(factor).into_iter().map(|p| (p[0], p[1]));
+                PathElement::new(outline.collect::<Vec<_>>(), ELLIPSE.stroke_width(2))
+            });
+            let label = if factor > 1.0 { format!("95 %, x {factor}") } else { "95 %".to_string() };
+            chart
+                .draw_series(outlines)
+                .map_err(text)?
+                .label(label)
+                .legend(|(x, y)| PathElement::new(vec![(x, y), (x + 16, y)], ELLIPSE.stroke_width(2)));
         }
         chart
             .configure_series_labels()
@@ -140,7 +276,12 @@ mod tests {
     #[test]
     fn units_are_equal_in_x_and_y_and_panels_share_their_axes() {
         let corners = vec![[0.0, 0.0], [2.0, 0.0], [0.0, 2.0], [f64::NAN, 0.0]];
-        let panel = |title: &str| Panel { title: title.to_string(), moved: vec![[0.5, 0.5]], target: corners.clone() };
+        let panel = |title: &str| Panel {
+            title: title.to_string(),
+            moved: vec![[0.5, 0.5]],
+            target: corners.clone(),
+            ..Panel::default()
+        };
         let svg = overlay("square", &[panel("left"), panel("right")]).unwrap();
         let drawn = circles(&svg, "3");
         assert_eq!(drawn.len(), 6);

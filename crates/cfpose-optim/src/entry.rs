@@ -3,7 +3,10 @@
 //! Models, families, solvers and scenarios are all looked up in the same way, so the mechanism lives at the bottom of
 //! the house and knows nothing about any of them.
 
+use std::any::Any;
 use std::collections::BTreeMap;
+use std::fmt;
+use std::sync::Arc;
 
 /// Describe one parameter of a table entry: what `cfpose list` and the generated reference pages print.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -77,7 +80,26 @@ fn suggestion_text(names: &[String]) -> String {
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Parameters {
     values: BTreeMap<String, String>,
+    table: Handed,
 }
+
+/// What the caller of a build function hands down; no part of what parameters are compared by.
+#[derive(Clone, Default)]
+struct Handed(Option<Arc<dyn Any + Send + Sync>>);
+
+impl fmt::Debug for Handed {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(if self.0.is_some() { "a table" } else { "none" })
+    }
+}
+
+impl PartialEq for Handed {
+    fn eq(&self, _other: &Self) -> bool {
+        true
+    }
+}
+
+impl Eq for Handed {}
 
 impl Parameters {
     /// Fill in the defaults of `specs` and overwrite them with `given`.
@@ -103,7 +125,19 @@ impl Parameters {
             }
             values.insert(key.clone(), value.clone());
         }
-        Ok(Self { values })
+        Ok(Self { values, table: Handed::default() })
+    }
+
+    /// Hand down the table in which names inside the parameters are looked up, such as the solver of `multi-start[solver=...]`.
+    #[must_use]
+    pub fn with_table<T: Any + Send + Sync>(mut self, table: T) -> Self {
+        self.table = Handed(Some(Arc::new(table)));
+        self
+    }
+
+    /// Return the table that was handed down, `None` where there is none of this type.
+    pub fn table<T: Any>(&self) -> Option<&T> {
+        self.table.0.as_deref()?.downcast_ref()
     }
 
     /// Return the text of a parameter.

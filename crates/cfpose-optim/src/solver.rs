@@ -3,7 +3,7 @@
 use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
-use crate::entry::{EntryError, ParameterSpec, Parameters};
+use crate::entry::{EntryError, ParameterSpec, Parameters, parse_spec, suggest};
 use crate::observe::Observer;
 use crate::outcome::Outcome;
 use crate::problem::LeastSquares;
@@ -128,4 +128,36 @@ pub struct SolverEntry {
     pub source: &'static str,
     /// Build the solver from its parameters.
     pub build: fn(&Parameters) -> Result<Box<dyn Solver>, EntryError>,
+}
+
+/// The solvers that a solver made from other ones may name.
+struct Table(Vec<&'static SolverEntry>);
+
+/// Build a solver from `name` or `name[key=value,...]` out of a table. Solvers that the parameters name come from it too.
+///
+/// # Errors
+/// [`EntryError`] for a text that cannot be read, an unknown name (with the nearest ones), an unknown parameter or a value
+/// that cannot be used.
+pub fn build_from(table: &[&'static SolverEntry], text: &str) -> Result<Box<dyn Solver>, EntryError> {
+    let (name, given) = parse_spec(text)?;
+    let entry = table.iter().find(|entry| entry.name == name).ok_or_else(|| EntryError::UnknownName {
+        kind: "solver",
+        suggestions: suggest(&name, table.iter().map(|entry| entry.name)),
+        name: name.clone(),
+    })?;
+    let parameters = Parameters::resolve("solver", &name, entry.parameters, &given)?;
+    (entry.build)(&parameters.with_table(Table(table.to_vec())))
+}
+
+/// Build the solver that a parameter names, for entries that wrap one: out of the table the outer entry came from.
+///
+/// # Errors
+/// As [`build_from`]; [`EntryError::BadValue`] where the entry was not built through [`build_from`].
+pub fn build_inner(parameters: &Parameters, key: &str) -> Result<Box<dyn Solver>, EntryError> {
+    match parameters.table::<Table>() {
+        Some(Table(table)) => build_from(table, parameters.text(key)),
+        None => {
+            Err(parameters.bad(key, "there is no table to find it in; build the outer solver through `build_from`"))
+        }
+    }
 }

@@ -1,18 +1,13 @@
-//! Point files as they are found in the world; skipped, visibly, where the data folder is absent.
+//! Point files as they are found in the world; ignored where the data folder is absent (`build.rs` looks for it).
 
 use std::path::{Path, PathBuf};
 
 use cfpose_vision::{PointFile, ReadOptions, read_points, write_points};
 
-/// Return the data folder, or say that the test is skipped.
-fn data() -> Option<PathBuf> {
+/// Return the data folder.
+fn data() -> PathBuf {
     let default = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data");
-    let folder = std::env::var_os("CFPOSE_DATA").map_or(default, PathBuf::from);
-    if folder.is_dir() {
-        return Some(folder);
-    }
-    println!("skipped: no data folder {}; set CFPOSE_DATA", folder.display());
-    None
+    std::env::var_os("CFPOSE_DATA").map_or(default, PathBuf::from)
 }
 
 fn read(path: &Path) -> PointFile {
@@ -20,8 +15,9 @@ fn read(path: &Path) -> PointFile {
 }
 
 #[test]
+#[cfg_attr(not(shared_data), ignore = "no real data: set CFPOSE_DATA to their folder")]
 fn point_files_have_the_points_and_columns_that_their_sources_state() {
-    let Some(data) = data() else { return };
+    let data = data();
     let expected = [
         ("bunny/stanford-bunny.obj", 35_947, 3),
         ("bunny/bun_zipper_res3.ply", 1_889, 3),
@@ -47,8 +43,9 @@ fn point_files_have_the_points_and_columns_that_their_sources_state() {
 }
 
 #[test]
+#[cfg_attr(not(shared_data), ignore = "no real data: set CFPOSE_DATA to their folder")]
 fn silhouettes_are_their_region_and_keep_its_size_when_scaled_and_turned() {
-    let Some(data) = data() else { return };
+    let data = data();
     let region = |name: String| read(&data.join("mpeg7_shapes").join(name)).points;
     // Length from second moments: the fourth root of the covariance's determinant scales with the figure.
     let length = |name: String| {
@@ -72,8 +69,9 @@ fn silhouettes_are_their_region_and_keep_its_size_when_scaled_and_turned() {
 }
 
 #[test]
+#[cfg_attr(not(shared_data), ignore = "no real data: set CFPOSE_DATA to their folder")]
 fn a_scan_survives_every_writer() {
-    let Some(data) = data() else { return };
+    let data = data();
     let points = read(&data.join("small_gicp_lidar/source.ply")).points;
     let folder = tempfile::tempdir().unwrap();
     for format in cfpose_vision::FORMATS.iter().filter(|format| format.write.is_some()) {

@@ -194,7 +194,7 @@ impl Estimator {
             pose: Pose::of_theta(&stage.model().layout, &own),
             by: best.by,
             verdict: verdict::verdict(&best, stage, &self.parts),
-            minimised: best.minimised(stage, &self.parts.reference, self.parts.settings.seed, counts),
+            minimised: best.minimised(stage, &self.parts, counts),
             theta: own,
             starts: search.starts,
             evaluations: search.reports.iter().map(|r| r.evaluations).sum(),
@@ -252,6 +252,7 @@ impl Estimator {
             weighted_at: None,
             left_out_source: Vec::new(),
             left_out_target: Vec::new(),
+            free: self.parts.settings.free.clone(),
             seed: self.parts.settings.seed,
         };
         Estimate {
@@ -306,6 +307,7 @@ impl Estimator {
             weighted_at,
             left_out_source: Vec::new(),
             left_out_target: Vec::new(),
+            free: settings.free.clone(),
             seed: settings.seed,
         };
         Ok((minimised, evaluation))
@@ -330,11 +332,17 @@ impl Estimator {
         let source = Minimised::kept(&minimised.left_out_source, data.source.len());
         let target = Minimised::kept(&minimised.left_out_target, data.target.len());
         let data = data.keep(source.as_deref(), target.as_deref())?;
+        let model = self.model();
+        if minimised.theta.len() < model.layout.manifold().ambient() {
+            let (found, expected) = (minimised.theta.len(), model.layout.manifold().ambient());
+            let problem = format!("the result's theta has {found} numbers, the model needs at least {expected}");
+            return Err(Error::Unsupported(problem));
+        }
         let parts = Parts {
             registry: self.parts.registry.clone(),
             settings: Settings { seed: minimised.seed, ..self.parts.settings.clone() },
             criteria: self.parts.criteria.clone(),
-            freedom: self.parts.freedom.clone(),
+            freedom: minimised.free.as_ref().map(|free| Freedom::new(&model.layout, free, &minimised.theta)),
             reference: minimised.reference.clone(),
             execution: self.parts.execution.clone(),
         };
@@ -424,6 +432,11 @@ impl Estimator {
     /// Return the pipeline, every choice filled in.
     pub fn pipeline(&self) -> &Pipeline {
         &self.pipeline
+    }
+
+    /// Return the target points as they were given.
+    pub fn target(&self) -> &Points {
+        &self.stages.data.target
     }
 
     /// Return the settings as they were given; starts are on the manifold.

@@ -121,12 +121,11 @@ impl Registry {
         Ok((entry.build)(&parameters).map_err(BuildError::from)?)
     }
 
-    /// Build a solver by name.
+    /// Build a solver by name; solvers that its parameters name come from this registry too.
     ///
     /// # Errors
     /// [`Error::Build`] for an unknown name or bad parameters.
     pub fn solver(&self, spec: &str) -> Result<Box<dyn Solver>, Error> {
-        let (entry, parameters) = find("solver", &self.solvers, spec).map_err(BuildError::from)?;
-        Ok((entry.build)(&parameters).map_err(BuildError::from)?)
+        Ok(cfpose_optim::solvers::build_from(&self.solvers, spec).map_err(BuildError::from)?)
     }
 }

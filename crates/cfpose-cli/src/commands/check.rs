@@ -8,6 +8,7 @@ use cfpose::coverage::coverage;
 use cfpose::entry::{NamedEntry, find, parse_spec, suggest};
 use cfpose::problem::MomentProblem;
 use cfpose::{BuildContext, Execution, Isa, Points, Registry};
+use cfpose_lab::Lab;
 use cfpose_optim::LeastSquares;
 use cfpose_optim::linear::svd;
 use serde::Serialize;
@@ -75,38 +76,38 @@ struct Chosen {
 ///
 /// # Errors
 /// [`Failure`]; a check that does not pass is a run without a usable result.
-pub fn run(args: &CheckArgs) -> Result<(), Failure> {
-    let registry = Registry::default();
-    let chosen = chosen(args.name.as_deref(), &registry)?;
+pub fn run(args: &CheckArgs, lab: &Lab) -> Result<(), Failure> {
+    let registry = &lab.registry;
+    let chosen = chosen(args.name.as_deref(), registry)?;
     let execution = Execution { isa: inputs::isa(&args.isa)?, pool: None };
     let points = args.on.as_deref().map(inputs::read).transpose()?;
     let mut report = Report { pairs: Vec::new(), solvers: Vec::new(), coverage: Vec::new(), warnings: Vec::new() };
     for model in &chosen.models {
-        let many = Sample::draw(&registry, model, SPEED_POINTS, SPREAD, args.seed).ok();
+        let many = Sample::draw(registry, model, SPEED_POINTS, SPREAD, args.seed).ok();
         let sample = match &points {
-            Some(points) => Sample::on(&registry, model, points, SPREAD, args.seed),
-            None => Sample::draw(&registry, model, NUM_POINTS, SPREAD, args.seed),
+            Some(points) => Sample::on(registry, model, points, SPREAD, args.seed),
+            None => Sample::draw(registry, model, NUM_POINTS, SPREAD, args.seed),
         };
         for family in &chosen.families {
             let mut line = match &sample {
-                Ok(sample) => check(&registry, model, family, sample, &execution)?,
+                Ok(sample) => check(registry, model, family, sample, &execution)?,
                 Err(error) => Line::skipped(model, family, error.to_string()),
             };
             if let (Some(_), Some(many)) = (line.passed, &many) {
-                line.lane_speedup = lane_speedup(&registry, family, many, &execution)?;
+                line.lane_speedup = lane_speedup(registry, family, many, &execution)?;
             }
             report.pairs.push(line);
         }
     }
     if let (Some(points), Some(_)) = (&points, &args.name) {
-        report.coverage = coverages(&registry, &chosen.families, points)?;
+        report.coverage = coverages(registry, &chosen.families, points)?;
     }
     for solver in &chosen.solvers {
-        report.solvers.push(SolverLine::check(&registry, solver)?);
+        report.solvers.push(SolverLine::check(registry, solver)?);
     }
     // Without optimisation every entry is slow.
     if !cfg!(debug_assertions) {
-        report.warnings = slow_entries(&report.pairs, execution.isa);
+        report.warnings = slow_entries(&report.pairs, execution.isa.name(), execution.isa.lanes());
     }
     let json = args.json.as_deref();
     if !report.pairs.is_empty() {
@@ -261,14 +262,21 @@ fn lane_speedup(
 }
 
 /// Name the models and families that are slow on lanes with every partner, and say what to do.
-fn slow_entries(lines: &[Line], isa: Isa) -> Vec<String> {
-    let mut warnings = slow(lines, isa, "model", "project", |line| &line.model);
-    warnings.extend(slow(lines, isa, "family", "basis", |line| &line.family));
+fn slow_entries(lines: &[Line], isa: &str, lanes: usize) -> Vec<String> {
+    let mut warnings = slow(lines, isa, lanes, "model", "project", |line| &line.model);
+    warnings.extend(slow(lines, isa, lanes, "family", "basis", |line| &line.family));
     warnings
 }
 
 /// Judge each entry of one kind by its best pair: a slow partner is not its fault.
-fn slow(lines: &[Line], isa: Isa, kind: &str, function: &str, name_of: fn(&Line) -> &str) -> Vec<String> {
+fn slow(
+    lines: &[Line],
+    isa: &str,
+    lanes: usize,
+    kind: &str,
+    function: &str,
+    name_of: fn(&Line) -> &str,
+) -> Vec<String> {
     let mut best: BTreeMap<&str, f64> = BTreeMap::new();
     for line in lines {
         if let Some(speedup) = line.lane_speedup {
@@ -276,15 +284,14 @@ fn slow(lines: &[Line], isa: Isa, kind: &str, function: &str, name_of: fn(&Line)
             *entry = entry.max(speedup);
         }
     }
-    let lanes = isa.lanes() as f64;
+    let lanes = lanes as f64;
     let warn = |(name, speedup): (&str, f64)| {
         (speedup < HEALTHY_SHARE * lanes).then(|| {
             format!(
-                "warning: {kind} `{name}` is at best {speedup:.1} times as fast on {} lanes as on plain numbers (healthy: {:.0} or \
+                "warning: {kind} `{name}` is at best {speedup:.1} times as fast on {isa} lanes as on plain numbers (healthy: {:.0} or \
                  more): its per-point code is not inlined. Put #[inline(always)] on `{function}` and on every helper it calls, \
                  write plain index loops instead of array::map, array::from_fn and closures, and `select_less` instead of `if`; \
                  see docs/adding/{kind}.md",
-                isa.name(),
                 0.5 * lanes,
             )
         })
@@ -326,17 +333,14 @@ mod tests {
 
     #[test]
     fn an_entry_is_slow_when_all_its_pairs_are() {
-        let isa = Isa::detect();
-        if isa.lanes() == 1 {
-            return;
-        }
+        let (isa, lanes) = ("avx2", 4);
         let line = |model: &str, family: &str, speedup: f64| Line {
-            lane_speedup: Some(speedup * isa.lanes() as f64),
+            lane_speedup: Some(speedup * lanes as f64),
             ..Line::skipped(model, family, String::new())
         };
         let lines =
             [line("good", "fast", 0.9), line("good", "slow", 0.1), line("bad", "fast", 0.2), line("bad", "slow", 0.1)];
-        let warnings = slow_entries(&lines, isa);
+        let warnings = slow_entries(&lines, isa, lanes);
         assert_eq!(warnings.len(), 2, "{warnings:?}");
         assert!(warnings[0].contains("model `bad`") && warnings[0].contains("#[inline(always)] on `project`"));
         assert!(warnings[1].contains("family `slow`") && warnings[1].contains("docs/adding/family.md"));

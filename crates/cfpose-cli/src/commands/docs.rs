@@ -1,26 +1,24 @@
-//! `cfpose docs`: write the reference pages and the README's lists from the tables, or check that they agree.
+//! `cfpose docs`: write the reference pages and lists of docs/reference from the tables, or check that they agree.
 
 use std::path::{Path, PathBuf};
 
-use cfpose::Registry;
 use cfpose::entry::{BuildContext, NamedEntry};
 use cfpose::theta::RotationForm;
+use cfpose_lab::Lab;
 
 use crate::args::DocsArgs;
 use crate::failure::Failure;
 use crate::output;
 
 const BEGIN: &str = "<!-- generated from the tables by `cfpose docs`: do not edit -->";
-const END: &str = "<!-- end of generated lists -->";
 
 /// Run the command.
 ///
 /// # Errors
 /// [`Failure`] when a file cannot be read or written, or differs under `--check`.
-pub fn run(args: &DocsArgs) -> Result<(), Failure> {
-    let registry = Registry::default();
+pub fn run(args: &DocsArgs, lab: &Lab) -> Result<(), Failure> {
     let mut differing = Vec::new();
-    for (path, text) in pages(&registry, &args.root)? {
+    for (path, text) in pages(lab, &args.root)? {
         let current = std::fs::read_to_string(&path).unwrap_or_default();
         if current == text {
             continue;
@@ -51,7 +49,8 @@ fn cannot(path: &Path, error: &std::io::Error) -> Failure {
 }
 
 /// Return every generated file with its text.
-fn pages(registry: &Registry, root: &Path) -> Result<Vec<(PathBuf, String)>, Failure> {
+fn pages(lab: &Lab, root: &Path) -> Result<Vec<(PathBuf, String)>, Failure> {
+    let registry = &lab.registry;
     let reference = root.join("docs/reference");
     let mut pages = Vec::new();
     for entry in &registry.models {
@@ -67,16 +66,10 @@ fn pages(registry: &Registry, root: &Path) -> Result<Vec<(PathBuf, String)>, Fai
     for entry in &registry.families {
         pages.push((reference.join(format!("families/{}.md", entry.name)), page(*entry, entry.details, "")));
     }
-    let lists = lists(registry);
-    let index = format!("# Reference\n\n{BEGIN}\n\n{}\n{END}\n", lists.replace("docs/reference/", ""));
-    pages.push((reference.join("README.md"), index));
-    let readme = root.join("README.md");
-    let text = std::fs::read_to_string(&readme).map_err(|error| cannot(&readme, &error))?;
-    let parts = text.split_once(BEGIN).and_then(|(head, rest)| rest.split_once(END).map(|(_, tail)| (head, tail)));
-    let Some((head, tail)) = parts else {
-        return Err(Failure::input(format!("{} has no line `{BEGIN}` and `{END}`", readme.display())));
-    };
-    pages.push((readme.clone(), format!("{head}{BEGIN}\n\n{lists}\n{END}{tail}")));
+    pages.push((
+        reference.join("README.md"),
+        format!("# Reference\n\n{BEGIN}\n\n{}", lists(lab).trim_end().to_string() + "\n"),
+    ));
     Ok(pages)
 }
 
@@ -97,15 +90,16 @@ fn page<E: NamedEntry>(entry: &E, details: &str, extra: &str) -> String {
 }
 
 /// Write the lists of all tables.
-fn lists(registry: &Registry) -> String {
+fn lists(lab: &Lab) -> String {
+    let registry = &lab.registry;
     let mut text = String::new();
-    section(&mut text, "Models", &registry.models, Some("docs/reference/models"));
-    section(&mut text, "Feature families", &registry.families, Some("docs/reference/families"));
+    section(&mut text, "Models", &registry.models, Some("models"));
+    section(&mut text, "Feature families", &registry.families, Some("families"));
     section(&mut text, "Solvers", &registry.solvers, None);
     section(&mut text, "Normalisers", &registry.normalisers, None);
     section(&mut text, "Weightings", &registry.weightings, None);
     section(&mut text, "Starts", &registry.starts, None);
-    section(&mut text, "Scenarios", cfpose_lab::scenarios::ALL, None);
+    section(&mut text, "Scenarios", &lab.scenarios, None);
     text
 }
 

@@ -4,7 +4,8 @@ use std::path::Path;
 use std::time::Instant;
 
 use cfpose::readout::MAX_ASSIGNED;
-use cfpose::{Estimate, Points, PointsError, Pose, Supervision};
+use cfpose::{Estimate, Points, Pose, Supervision};
+use cfpose_lab::Lab;
 use cfpose_vision::{Camera, PoseFormat, StampedPose, write_points};
 
 use crate::args::{EstimateArgs, Matching};
@@ -21,16 +22,16 @@ const SMALL: usize = 1000;
 ///
 /// # Errors
 /// [`Failure`]; a run without a usable result fails after its JSON is written, and writes neither pose nor points.
-pub fn run(args: &EstimateArgs) -> Result<(), Failure> {
+pub fn run(args: &EstimateArgs, lab: &Lab) -> Result<(), Failure> {
     let begun = Instant::now();
-    let loaded = inputs::load(&args.problem)?;
+    let loaded = inputs::load(&args.problem, &lab.registry)?;
     check_outputs(args, &loaded)?;
-    let mut watch = Watch::new(args.verbose, loaded.prepared.starts.len());
+    let mut watch = Watch::new(args.verbose, loaded.estimator.settings().given_starts().len());
     let supervision = Supervision { observer: Some(&mut watch), ..Supervision::default() };
     let estimate = loaded
-        .prepared
-        .solve(&loaded.registry, supervision)
-        .map_err(|error| inputs::name_file(error, &args.problem, &loaded.prepared.target))?;
+        .estimator
+        .solve(supervision)
+        .map_err(|error| inputs::name_file(error, &args.problem, loaded.estimator.target()))?;
     drop(watch);
     let correspondence = correspondence(args, &loaded, &estimate);
     let report = Report::new(&args.problem, &loaded, &estimate, correspondence, begun.elapsed().as_secs_f64());
@@ -49,10 +50,10 @@ fn correspondence(args: &EstimateArgs, loaded: &Loaded, estimate: &Estimate) -> 
     match args.correspondence {
         None if loaded.num_source >= SMALL => None,
         Some(Matching::OneToOne) => {
-            loaded.prepared.matches(&estimate.theta, None).ok().map(|matches| matches.target_of_source)
+            loaded.estimator.matches(&estimate.theta, None).ok().map(|matches| matches.target_of_source)
         }
         _ => {
-            let nearest = loaded.prepared.correspondence(&estimate.theta).ok()?;
+            let nearest = loaded.estimator.correspondence(&estimate.theta).ok()?;
             Some(nearest.into_iter().map(Some).collect())
         }
     }
@@ -60,7 +61,7 @@ fn correspondence(args: &EstimateArgs, loaded: &Loaded, estimate: &Estimate) -> 
 
 /// Refuse outputs that the model does not have, before any work is done.
 fn check_outputs(args: &EstimateArgs, loaded: &Loaded) -> Result<(), Failure> {
-    let (model, name) = (&loaded.prepared.model, &args.problem.model);
+    let (model, name) = (loaded.estimator.model(), &args.problem.model);
     let num_points = loaded.num_source.max(loaded.num_target);
     if args.correspondence == Some(Matching::OneToOne) && num_points > MAX_ASSIGNED {
         return Err(Failure::usage(format!(
@@ -114,7 +115,11 @@ fn write_pose(path: &Path, pose: Pose) -> Result<(), Failure> {
 
 /// Return the source points at theta in the units of the target file: rays become image points or pixels where the target
 /// file holds these.
-fn transformed(loaded: &Loaded, theta: &[f64]) -> Result<Points, PointsError> {
-    let mapped = loaded.prepared.problem.mapped_source(theta)?;
-    if loaded.target_dim == 2 { loaded.camera.unwrap_or(Camera::IDENTITY).project(&mapped) } else { Ok(mapped) }
+fn transformed(loaded: &Loaded, theta: &[f64]) -> Result<Points, cfpose::Error> {
+    let mapped = loaded.estimator.mapped_source(theta)?;
+    if loaded.target_dim != 2 {
+        return Ok(mapped);
+    }
+    let source_error = |problem| cfpose::Error::Points { side: "source", problem };
+    loaded.camera.unwrap_or(Camera::IDENTITY).project(&mapped).map_err(source_error)
 }

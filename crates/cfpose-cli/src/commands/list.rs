@@ -1,7 +1,7 @@
 //! `cfpose list`: what can be chosen by name.
 
-use cfpose::Registry;
 use cfpose::entry::{NamedEntry, ParameterSpec};
+use cfpose_lab::Lab;
 use serde::Serialize;
 
 use crate::args::{ListArgs, ListKind};
@@ -27,8 +27,8 @@ struct Parameter {
 ///
 /// # Errors
 /// [`Failure`] of the outputs only.
-pub fn run(args: &ListArgs) -> Result<(), Failure> {
-    let lines = lines(args.kind);
+pub fn run(args: &ListArgs, lab: &Lab) -> Result<(), Failure> {
+    let lines = lines(args.kind, lab);
     let json = args.json.as_deref();
     if !output::is_standard(json) {
         output::print(&table(&lines))?;
@@ -36,8 +36,8 @@ pub fn run(args: &ListArgs) -> Result<(), Failure> {
     output::write_json(&lines, json)
 }
 
-fn lines(kind: ListKind) -> Vec<Line> {
-    let registry = Registry::default();
+fn lines(kind: ListKind, lab: &Lab) -> Vec<Line> {
+    let registry = &lab.registry;
     match kind {
         ListKind::Models => of_table(&registry.models),
         ListKind::Families => of_table(&registry.families),
@@ -45,8 +45,8 @@ fn lines(kind: ListKind) -> Vec<Line> {
         ListKind::Normalisers => of_table(&registry.normalisers),
         ListKind::Weightings => of_table(&registry.weightings),
         ListKind::Starts => of_table(&registry.starts),
-        ListKind::Scenarios => of_table(cfpose_lab::scenarios::ALL),
-        ListKind::Curves => of_table(cfpose_lab::scenarios::curves::ALL),
+        ListKind::Scenarios => of_table(&lab.scenarios),
+        ListKind::Curves => of_table(cfpose_lab::curves::ALL),
         ListKind::Presets => presets(),
         ListKind::Formats => formats(),
     }
@@ -63,20 +63,24 @@ fn of_table<E: NamedEntry>(table: &[&'static E]) -> Vec<Line> {
     table.iter().map(line).collect()
 }
 
+/// Presets: name, summary, source.
+const PRESETS: [(&str, &str, &str); 2] = [
+    (
+        "auto",
+        "stages that the model chooses, a search where no start is given, statistics and a verdict",
+        "docs/method.md",
+    ),
+    ("paper", "features trig18, weighting identity, normaliser paper, one start, one solve", "section IV.A"),
+];
+
 fn presets() -> Vec<Line> {
-    let describe = |name: &'static str| {
-        let summary = cfpose::Settings::preset(name, "").map_or_else(
-            |error| error.to_string(),
-            |s| {
-                format!(
-                    "features {}, weighting {}, solver {}, normaliser paper, one start",
-                    s.features, s.weighting, s.solver
-                )
-            },
-        );
-        Line { name, summary, parameters: Vec::new(), source: "section IV.A" }
+    let describe = |(name, summary, source): &(&'static str, &str, &'static str)| Line {
+        name,
+        summary: (*summary).to_string(),
+        parameters: Vec::new(),
+        source,
     };
-    cfpose::estimator::PRESETS.iter().map(|name| describe(name)).collect()
+    PRESETS.iter().map(describe).collect()
 }
 
 fn formats() -> Vec<Line> {

@@ -11,25 +11,27 @@ mod pose;
 mod results;
 mod run;
 
+use cfpose_lab::Lab;
+
 use crate::args::Command;
 use crate::failure::Failure;
 
-/// Run a command.
+/// Run a command with the entries of a lab.
 ///
 /// # Errors
 /// [`Failure`] with the kind that decides the exit code.
-pub fn run(command: &Command) -> Result<(), Failure> {
+pub fn run(command: &Command, lab: &Lab) -> Result<(), Failure> {
     match command {
-        Command::Demo(args) => demo::run(args),
-        Command::Estimate(args) => estimate::run(args),
-        Command::Evaluate(args) => evaluate::run(args),
-        Command::List(args) => list::run(args),
-        Command::Check(args) => check::run(args),
-        Command::Run(args) => run::run(args),
-        Command::Status(args) => results::status(args),
-        Command::Merge(args) => results::merge(args),
-        Command::Report(args) => results::report(args),
-        Command::Docs(args) => docs::run(args),
+        Command::Demo(args) => demo::run(args, lab),
+        Command::Estimate(args) => estimate::run(args, lab),
+        Command::Evaluate(args) => evaluate::run(args, lab),
+        Command::List(args) => list::run(args, lab),
+        Command::Check(args) => check::run(args, lab),
+        Command::Run(args) => run::run(args, lab),
+        Command::Status(args) => results::status(args, lab),
+        Command::Merge(args) => results::merge(args, lab),
+        Command::Report(args) => results::report(args, lab),
+        Command::Docs(args) => docs::run(args, lab),
         Command::Pose(args) => pose::run(args),
     }
 }

@@ -11,8 +11,8 @@ use crate::output;
 ///
 /// # Errors
 /// [`Failure`] of the folder.
-pub fn status(args: &FolderArgs) -> Result<(), Failure> {
-    let status = cfpose_lab::status(&Lab::default(), &args.folder)?;
+pub fn status(args: &FolderArgs, lab: &Lab) -> Result<(), Failure> {
+    let status = cfpose_lab::status(lab, &args.folder)?;
     let complete = status.records == status.expected;
     let rows: Vec<Vec<String>> = status
         .cells
@@ -47,8 +47,8 @@ pub fn status(args: &FolderArgs) -> Result<(), Failure> {
 ///
 /// # Errors
 /// [`Failure`] of the folder.
-pub fn merge(args: &FolderArgs) -> Result<(), Failure> {
-    let merged = cfpose_lab::merge(&Lab::default(), &args.folder)?;
+pub fn merge(args: &FolderArgs, lab: &Lab) -> Result<(), Failure> {
+    let merged = cfpose_lab::merge(lab, &args.folder)?;
     output::show(&counted(args, &merged), args.json.as_deref())?;
     output::write_json(&merged.rows, args.json.as_deref())
 }
@@ -57,8 +57,8 @@ pub fn merge(args: &FolderArgs) -> Result<(), Failure> {
 ///
 /// # Errors
 /// [`Failure`] of the folder.
-pub fn report(args: &FolderArgs) -> Result<(), Failure> {
-    let merged = cfpose_lab::merge(&Lab::default(), &args.folder)?;
+pub fn report(args: &FolderArgs, lab: &Lab) -> Result<(), Failure> {
+    let merged = cfpose_lab::merge(lab, &args.folder)?;
     let tables = cfpose_lab::merge::tables(&merged.experiment, &merged.rows);
     output::show(&format!("{tables}\n{}", counted(args, &merged)), args.json.as_deref())?;
     output::write_json(&merged.rows, args.json.as_deref())

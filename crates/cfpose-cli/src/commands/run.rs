@@ -24,16 +24,15 @@ const ARRAYS: [(&str, &str, Option<&str>); 5] = [
 ///
 /// # Errors
 /// [`Failure`] of the experiment file, the shard or the folder.
-pub fn run(args: &RunArgs) -> Result<(), Failure> {
-    let lab = Lab::default();
+pub fn run(args: &RunArgs, lab: &Lab) -> Result<(), Failure> {
     let shard = shard(args.shard.as_deref(), |name| std::env::var(name).ok())?;
     let isa = inputs::isa(&args.isa)?;
-    let mut experiment = Experiment::load(&lab, &args.experiment)?;
+    let mut experiment = Experiment::load(lab, &args.experiment)?;
     if let Some(trials) = args.trials {
         experiment = experiment.with_trials(trials as usize);
     }
     if args.dry {
-        return dry(args, &lab, &experiment, shard);
+        return dry(args, lab, &experiment, shard);
     }
     let out = args.out.clone().unwrap_or_else(|| default_folder(&args.experiment));
     let bar = bar();
@@ -50,7 +49,7 @@ pub fn run(args: &RunArgs) -> Result<(), Failure> {
         progress: Some(&show),
         ..RunOptions::new(&out)
     };
-    let report = cfpose_lab::run(&lab, &experiment, &options)?;
+    let report = cfpose_lab::run(lab, &experiment, &options)?;
     bar.finish_and_clear();
     tell(args, &out, shard, &report)
 }

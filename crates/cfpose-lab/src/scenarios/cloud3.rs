@@ -9,7 +9,7 @@ use rand::RngExt;
 use rand_chacha::ChaCha12Rng;
 use rand_distr::StandardNormal;
 
-use super::shared::sampling::{add_uniform, shuffle};
+use crate::sampling::{add_uniform, shuffle};
 use crate::scenario::{Scenario, ScenarioEntry, ScenarioError, Success, Trial};
 
 mod shape;

@@ -2,10 +2,8 @@
 
 mod cloud3;
 mod planar_curve;
-mod shared;
 
-pub use shared::curves;
-
+pub use crate::curves;
 use crate::scenario::ScenarioEntry;
 
 /// All scenarios of the laboratory.

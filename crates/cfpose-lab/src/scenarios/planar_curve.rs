@@ -7,8 +7,8 @@ use rand::RngExt;
 use rand_chacha::ChaCha12Rng;
 use rand_distr::StandardNormal;
 
-use super::shared::curves;
-use super::shared::sampling::{add_uniform, shuffle};
+use crate::curves;
+use crate::sampling::{add_uniform, shuffle};
 use crate::scenario::{Scenario, ScenarioEntry, ScenarioError, Success, Trial};
 
 mod theta;

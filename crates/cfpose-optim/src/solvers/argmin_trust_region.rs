@@ -3,12 +3,12 @@
 use argmin::core::State;
 use argmin::solver::trustregion::{Steihaug, TrustRegion};
 
-use super::argmin_drive::{Operator, Patience, Second, current, drive, round_length};
-use super::tangent::{Frame, Round, rounds};
+use crate::argmin_drive::{Operator, Patience, Second, current, drive, round_length};
 use crate::outcome::Outcome;
 use crate::problem::LeastSquares;
 use crate::session::run;
 use crate::solver::{Control, Needs, SolveError, Solver, SolverEntry};
+use crate::tangent::{Frame, Round, rounds};
 
 /// Minimise by argmin's trust region with Steihaug steps and the Gauss-Newton Hessian, over tangent coordinates scaled by the
 /// column norms of the Jacobian. It never ends by itself: the frame does that.

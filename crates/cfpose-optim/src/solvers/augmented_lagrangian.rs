@@ -3,13 +3,13 @@
 use std::sync::{Mutex, PoisonError};
 
 use crate::constraint::{Bounds, Constraints};
+use crate::descent::TangentBox;
 use crate::entry::{EntryError, ParameterSpec, Parameters};
 use crate::manifold::Manifold;
 use crate::outcome::{Outcome, Status};
 use crate::problem::{Capabilities, LeastSquares, half_squared_norm};
 use crate::session::{End, FEASIBILITY_TOLERANCE, Session, run};
-use crate::solver::{Control, Needs, SolveError, Solver, SolverEntry};
-use crate::solvers::descent::TangentBox;
+use crate::solver::{Control, Needs, SolveError, Solver, SolverEntry, build_inner};
 
 /// Minimise subject to equalities, inequalities and bounds by a sequence of problems without general constraints,
 /// `1/2 norm(r)^2 + weight / 2 * sum (c + y / weight)^2`, whose extra terms are rows of the residual: any solver does.
@@ -351,7 +351,7 @@ pub const PENALTY: SolverEntry = SolverEntry {
 };
 
 fn build(parameters: &Parameters, multipliers: bool) -> Result<Box<dyn Solver>, EntryError> {
-    let inner = super::build(parameters.text("solver"))?;
+    let inner = build_inner(parameters, "solver")?;
     let weight = parameters.number("weight", "a number above 0", |v| v.is_finite() && v > 0.0)?;
     Ok(Box::new(Penalised { inner, weight, multipliers }))
 }

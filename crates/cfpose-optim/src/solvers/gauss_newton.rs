@@ -1,13 +1,13 @@
 //! Gauss-Newton with step halving.
 
-use crate::entry::{EntryError, ParameterSpec, Parameters};
+use crate::descent::region::gauss_newton;
+use crate::descent::{Model, Proposal, Search, StepRule, accept, descend};
+use crate::entry::ParameterSpec;
 use crate::linear::Qr;
 use crate::outcome::Outcome;
 use crate::problem::LeastSquares;
 use crate::session::run;
 use crate::solver::{Control, Needs, SolveError, Solver, SolverEntry};
-use crate::solvers::descent::{Model, Proposal, Search, StepRule, descend};
-use crate::solvers::trust_region::gauss_newton;
 
 /// Minimise by steps `d = argmin norm(r + J d)`, the one of least scaled norm where J is rank deficient, shortened until the
 /// cost falls: `d, shrink d, shrink^2 d, ...`.
@@ -117,8 +117,3 @@ pub const ENTRY: SolverEntry = SolverEntry {
         }))
     },
 };
-
-/// Read the parameter `accept`.
-pub(crate) fn accept(parameters: &Parameters) -> Result<f64, EntryError> {
-    parameters.number("accept", "a number from 0 to below 0.25", |v| (0.0..0.25).contains(&v))
-}

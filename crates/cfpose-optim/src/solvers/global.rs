@@ -11,7 +11,7 @@ use crate::entry::{EntryError, ParameterSpec, Parameters};
 use crate::outcome::{Outcome, Status};
 use crate::problem::LeastSquares;
 use crate::session::{End, Session, run};
-use crate::solver::{Control, Needs, SolveError, Solver, SolverEntry};
+use crate::solver::{Control, Needs, SolveError, Solver, SolverEntry, build_inner};
 
 /// A source of starts; the caller of a library may hand in its own.
 pub trait StartGenerator: Send + Sync + Debug {
@@ -278,7 +278,7 @@ pub const BASIN_HOPPING: SolverEntry = SolverEntry {
 };
 
 fn inner_of(parameters: &Parameters) -> Result<Inner, EntryError> {
-    super::build(parameters.text("solver")).map(Inner)
+    build_inner(parameters, "solver").map(Inner)
 }
 
 fn scatter_of(parameters: &Parameters) -> Result<Scatter, EntryError> {

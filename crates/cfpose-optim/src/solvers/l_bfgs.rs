@@ -4,13 +4,13 @@ use argmin::core::State;
 use argmin::solver::linesearch::MoreThuenteLineSearch;
 use argmin::solver::quasinewton::LBFGS;
 
-use super::argmin_drive::{First, Operator, Patience, current, drive, round_length};
-use super::tangent::{Frame, Round, rounds};
+use crate::argmin_drive::{First, Operator, Patience, current, drive, round_length};
 use crate::entry::ParameterSpec;
 use crate::outcome::Outcome;
 use crate::problem::LeastSquares;
 use crate::session::run;
 use crate::solver::{Control, Needs, SolveError, Solver, SolverEntry};
+use crate::tangent::{Frame, Round, rounds};
 
 /// Minimise by the limited-memory BFGS method with More-Thuente line searches, over tangent coordinates scaled by the column
 /// norms of the Jacobian; restarted at the best point until a restart brings nothing.

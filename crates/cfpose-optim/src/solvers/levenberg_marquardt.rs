@@ -1,12 +1,12 @@
 //! Levenberg-Marquardt on manifolds.
 
+use crate::descent::{Model, Proposal, Search, StepRule, descend};
 use crate::entry::{EntryError, ParameterSpec, Parameters};
 use crate::linear::Qr;
 use crate::outcome::Outcome;
 use crate::problem::LeastSquares;
 use crate::session::run;
 use crate::solver::{Control, Needs, SolveError, Solver, SolverEntry};
-use crate::solvers::descent::{Model, Proposal, Search, StepRule, descend};
 
 /// How the damping follows from the gain ratio.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

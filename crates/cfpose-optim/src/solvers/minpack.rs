@@ -4,12 +4,12 @@ use ::levenberg_marquardt::{LeastSquaresProblem, LevenbergMarquardt, Termination
 use nalgebra034::storage::Owned;
 use nalgebra034::{DMatrix, DVector, Dyn};
 
-use super::tangent::{Frame, Round, guarded, rounds};
 use crate::entry::ParameterSpec;
 use crate::outcome::{Outcome, Status};
 use crate::problem::LeastSquares;
 use crate::session::{End, run};
 use crate::solver::{Control, Needs, SolveError, Solver, SolverEntry};
+use crate::tangent::{Frame, Round, guarded, rounds};
 
 /// Minimise by the Rust port of MINPACK's `lmder`, over tangent coordinates around the start, and again around the best
 /// point until a restart brings nothing (on a vector space one restart confirms the end).

@@ -1,15 +1,15 @@
 //! The table of solvers: one file and one line each.
 
-use crate::entry::{EntryError, Parameters, parse_spec, suggest};
+pub use crate::constrained::Loss;
+pub use crate::descent;
+use crate::entry::EntryError;
+pub use crate::solver::build_from;
 use crate::solver::{Solver, SolverEntry};
 
-mod argmin_drive;
 mod argmin_trust_region;
 mod augmented_lagrangian;
 mod bfgs;
 mod clarabel;
-mod constrained;
-pub mod descent;
 mod gauss_newton;
 mod global;
 mod l_bfgs;
@@ -21,14 +21,12 @@ mod nonlinear_cg;
 mod null_space;
 mod particle_swarm;
 mod simulated_annealing;
-mod tangent;
 mod trust_region;
 
 pub use argmin_trust_region::ArgminTrustRegion;
 pub use augmented_lagrangian::Penalised;
 pub use bfgs::{Bfgs, LineSearch};
 pub use clarabel::{Clarabel, ConeProblem, ConeStep};
-pub use constrained::Loss;
 pub use gauss_newton::GaussNewton;
 pub use global::{BasinHopping, Inner, MultiStart, Scatter, StartGenerator};
 pub use l_bfgs::LBfgs;
@@ -78,18 +76,4 @@ pub const ALL: &[&SolverEntry] = &[
 /// ```
 pub fn build(text: &str) -> Result<Box<dyn Solver>, EntryError> {
     build_from(ALL, text)
-}
-
-/// Build a solver out of a table of the caller.
-///
-/// # Errors
-/// As [`build`].
-pub fn build_from(table: &[&SolverEntry], text: &str) -> Result<Box<dyn Solver>, EntryError> {
-    let (name, given) = parse_spec(text)?;
-    let entry = table.iter().find(|entry| entry.name == name).ok_or_else(|| EntryError::UnknownName {
-        kind: "solver",
-        suggestions: suggest(&name, table.iter().map(|entry| entry.name)),
-        name: name.clone(),
-    })?;
-    (entry.build)(&Parameters::resolve("solver", &name, entry.parameters, &given)?)
 }

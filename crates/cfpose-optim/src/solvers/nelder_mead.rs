@@ -3,13 +3,13 @@
 use argmin::core::State;
 use argmin::solver::neldermead::NelderMead as Method;
 
-use super::argmin_drive::{Operator, Patience, Plain, current, drive};
-use super::tangent::{Frame, Round, rounds};
+use crate::argmin_drive::{Operator, Patience, Plain, current, drive};
 use crate::entry::ParameterSpec;
 use crate::outcome::Outcome;
 use crate::problem::LeastSquares;
 use crate::session::run;
 use crate::solver::{Control, Needs, SolveError, Solver, SolverEntry};
+use crate::tangent::{Frame, Round, rounds};
 
 /// Minimise by a simplex over tangent coordinates, restarted with a smaller simplex at the best point until a restart brings
 /// nothing. Needs no derivative.

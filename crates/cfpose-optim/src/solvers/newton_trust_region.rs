@@ -1,5 +1,7 @@
 //! Newton's method in a trust region, with the exact Hessian.
 
+use crate::descent::region::RadiusSearch;
+use crate::descent::{Model, Proposal, StepRule, accept, descend};
 use crate::entry::ParameterSpec;
 use crate::linear::symmetric_eigen;
 use crate::manifold::norm;
@@ -7,9 +9,6 @@ use crate::outcome::Outcome;
 use crate::problem::LeastSquares;
 use crate::session::run;
 use crate::solver::{Control, Needs, SolveError, Solver, SolverEntry};
-use crate::solvers::descent::{Model, Proposal, StepRule, descend};
-use crate::solvers::gauss_newton::accept;
-use crate::solvers::trust_region::RadiusSearch;
 
 /// Minimise by steps that minimise `g'd + 1/2 d'H d` within `norm(D d) <= radius`, H the exact Hessian
 /// `J'J + sum_i r_i Hess(r_i)` along the retraction.

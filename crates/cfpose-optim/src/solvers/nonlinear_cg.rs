@@ -5,12 +5,12 @@ use argmin::solver::conjugategradient::NonlinearConjugateGradient;
 use argmin::solver::conjugategradient::beta::PolakRibierePlus;
 use argmin::solver::linesearch::MoreThuenteLineSearch;
 
-use super::argmin_drive::{First, Operator, Patience, current, drive, round_length};
-use super::tangent::{Frame, Round, rounds};
+use crate::argmin_drive::{First, Operator, Patience, current, drive, round_length};
 use crate::outcome::Outcome;
 use crate::problem::LeastSquares;
 use crate::session::run;
 use crate::solver::{Control, Needs, SolveError, Solver, SolverEntry};
+use crate::tangent::{Frame, Round, rounds};
 
 /// Minimise by nonlinear conjugate gradients (Polak-Ribiere+) with More-Thuente line searches, over tangent coordinates scaled
 /// by the column norms of the Jacobian; restarted every 2 m iterations, and at the best point until a restart brings nothing.

@@ -1,14 +1,14 @@
 //! Gauss-Newton along equality constraints by null-space steps.
 
+use crate::constrained::{ConstrainedStep, Local, Loss, minimise};
+use crate::descent::region::Exact;
+use crate::descent::{Model, StepRule};
 use crate::entry::ParameterSpec;
 use crate::linear::NullSpace;
 use crate::outcome::{Outcome, Status};
 use crate::problem::LeastSquares;
 use crate::session::{End, run};
 use crate::solver::{Control, Needs, SolveError, Solver, SolverEntry};
-use crate::solvers::constrained::{ConstrainedStep, Local, Loss, minimise};
-use crate::solvers::descent::{Model, StepRule};
-use crate::solvers::trust_region::Exact;
 
 /// Minimise subject to equalities: steps `min norm(r + J d)` with `c + A d = 0` and `norm(D d) <= radius`, found in the null
 /// space of A, retracted and moved back onto the constraints.

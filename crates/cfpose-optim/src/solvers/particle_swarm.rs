@@ -5,13 +5,13 @@ use argmin::solver::particleswarm::{Particle, ParticleSwarm as Method};
 use rand_chacha09::ChaCha12Rng;
 use rand_chacha09::rand_core::SeedableRng;
 
-use super::argmin_drive::{Operator, Patience, drive};
-use super::tangent::{Frame, Round, rounds};
+use crate::argmin_drive::{NARROW, Operator, Patience, drive};
 use crate::entry::ParameterSpec;
 use crate::outcome::Outcome;
 use crate::problem::LeastSquares;
 use crate::session::run;
 use crate::solver::{Control, Needs, SolveError, Solver, SolverEntry};
+use crate::tangent::{Frame, Round, rounds};
 
 /// Minimise by a swarm within a box of tangent coordinates around the best point, in rounds whose box shrinks when they bring
 /// little: a global search at first, a local one at the end. Needs no derivative; repeats bit for bit for a seed.
@@ -76,9 +76,6 @@ impl ParticleSwarm {
         if *width > NARROW { Round::Wide } else { Round::Decisive }
     }
 }
-
-/// Below this half width the gain of a round tells about convergence: the cost is flat to rounding there.
-pub(crate) const NARROW: f64 = 1e-7;
 
 /// The line of the solver table.
 pub const ENTRY: SolverEntry = SolverEntry {

@@ -5,14 +5,13 @@ use argmin::solver::simulatedannealing::{SATempFunc, SimulatedAnnealing as Metho
 use rand_chacha09::ChaCha12Rng;
 use rand_chacha09::rand_core::SeedableRng;
 
-use super::argmin_drive::{Moves, Operator, Patience, Plain, current, drive};
-use super::particle_swarm::NARROW;
-use super::tangent::{Frame, Round, rounds};
+use crate::argmin_drive::{Moves, NARROW, Operator, Patience, Plain, current, drive};
 use crate::entry::ParameterSpec;
 use crate::outcome::Outcome;
 use crate::problem::LeastSquares;
 use crate::session::run;
 use crate::solver::{Control, Needs, SolveError, Solver, SolverEntry};
+use crate::tangent::{Frame, Round, rounds};
 
 /// Minimise by annealed random moves of tangent coordinates, in rounds around the best point whose moves and temperature
 /// shrink: a global search at first, a local one at the end. Needs no derivative; repeats bit for bit for a seed.

@@ -6,6 +6,7 @@ use cfpose_optim::problem::LeastSquares;
 use cfpose_optim::{Outcome, Status};
 use serde::{Deserialize, Serialize};
 
+use super::Parts;
 use super::pipeline::Stage;
 use super::stage::{Data, ReadyStage};
 use crate::distances::sampling::Sampling;
@@ -49,6 +50,8 @@ pub struct Minimised {
     pub left_out_source: Vec<usize>,
     /// Rows of the target file (from 1) that were left out.
     pub left_out_target: Vec<usize>,
+    /// Tangent columns that were free, `None` for all.
+    pub free: Option<Vec<usize>>,
     /// Seed of everything random.
     pub seed: u64,
 }
@@ -118,7 +121,7 @@ impl Candidate {
     }
 
     /// Return what was minimised last.
-    pub fn minimised(&self, stage: &ReadyStage, reference: &[f64], seed: u64, counts: [usize; 2]) -> Minimised {
+    pub fn minimised(&self, stage: &ReadyStage, parts: &Parts, counts: [usize; 2]) -> Minimised {
         let left_out = |kept: &Option<Arc<Vec<usize>>>, len: usize| match kept {
             None => Vec::new(),
             Some(kept) => {
@@ -130,11 +133,12 @@ impl Candidate {
         Minimised {
             stage: stage.stage.clone(),
             theta: self.theta.clone(),
-            reference: reference.to_vec(),
+            reference: parts.reference.clone(),
             weighted_at: self.weighted_at.clone(),
             left_out_source: left_out(&self.kept_source, counts[0]),
             left_out_target: left_out(&self.kept_target, counts[1]),
-            seed,
+            free: parts.settings.free.clone(),
+            seed: parts.settings.seed,
         }
     }
 

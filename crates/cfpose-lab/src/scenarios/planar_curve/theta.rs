@@ -115,7 +115,7 @@ fn is_in_view(theta: &[f64; 6], curve: &[[f64; 2]], bound: f64) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scenarios::curves;
+    use crate::curves;
     use crate::seed::data_stream;
 
     fn draws(theta: Theta, scale: f64) -> Vec<[f64; 6]> {

@@ -1,11 +1,11 @@
 //! Sequential convex programming with Clarabel.
 
+use crate::constrained::{ConstrainedStep, Local, Loss, minimise};
 use crate::entry::ParameterSpec;
 use crate::outcome::Outcome;
 use crate::problem::LeastSquares;
 use crate::session::run;
 use crate::solver::{Control, Needs, SolveError, Solver, SolverEntry};
-use crate::solvers::constrained::{ConstrainedStep, Local, Loss, minimise};
 
 mod program;
 

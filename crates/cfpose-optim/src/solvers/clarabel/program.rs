@@ -3,10 +3,10 @@
 use ::clarabel::algebra::CscMatrix;
 use ::clarabel::solver::{DefaultSettings, DefaultSolver, IPSolver, SolverStatus, SupportedConeT};
 
+use crate::constrained::Loss;
 use crate::linear::Qr;
 use crate::manifold::norm;
-use crate::solvers::constrained::Loss;
-use crate::solvers::tangent::guarded;
+use crate::tangent::guarded;
 
 /// The linearised problem of one step: residual r (rows), Jacobian J (rows x cols), equalities c + A d = 0 first and then
 /// inequalities h + G d >= 0 in `values` and `constraints`, scaling D.

@@ -11,7 +11,11 @@ use rand_chacha::ChaCha12Rng;
 use rand_chacha::rand_core::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
 
-use super::tangent::{Frame, guarded};
+use crate::tangent::{Frame, guarded};
+
+/// Half width of a box of tangent coordinates below which the gain of a round tells about convergence: the cost is flat to
+/// rounding there.
+pub(crate) const NARROW: f64 = 1e-7;
 
 /// State of methods without and with a gradient, and with a matrix.
 pub(crate) type Plain = IterState<Vec<f64>, (), (), (), (), f64>;

@@ -7,15 +7,15 @@
 
 use std::cell::RefCell;
 
+use crate::descent::{Model, not_finite_start};
 use crate::manifold::{Manifold, norm};
 use crate::outcome::Status;
 use crate::session::{End, Progress, Session};
 use crate::solver::Stopping;
-use crate::solvers::descent::{Model, not_finite_start};
 
 mod guard;
 
-pub(crate) use guard::guarded;
+pub use guard::guarded;
 
 /// Cosine of the gradient test below which a round without gain counts as convergence: the cost is flat to rounding there.
 const FLAT_COSINE: f64 = 1e-6;
@@ -28,10 +28,10 @@ struct Sample {
 }
 
 /// Flat coordinates around a base point.
-pub(crate) struct Frame<'f, 's, 'a> {
+pub struct Frame<'f, 's, 'a> {
     inner: RefCell<Inner<'f, 's, 'a>>,
     /// Tangent dimension.
-    pub(crate) size: usize,
+    pub size: usize,
     manifold: &'s dyn Manifold,
 }
 
@@ -53,7 +53,7 @@ const PATIENCE: usize = 20_100;
 
 impl<'f, 's, 'a> Frame<'f, 's, 'a> {
     /// Put the frame at the start and evaluate it, with a Jacobian if asked for.
-    pub(crate) fn new(session: &'f mut Session<'s, 'a>, start: &[f64], with_jacobian: bool) -> Result<Self, End> {
+    pub fn new(session: &'f mut Session<'s, 'a>, start: &[f64], with_jacobian: bool) -> Result<Self, End> {
         let problem = session.problem();
         let (rows, size) = (problem.num_residuals(), problem.manifold().tangent());
         let mut model = Model::new(rows, size);
@@ -88,12 +88,12 @@ impl<'f, 's, 'a> Frame<'f, 's, 'a> {
     }
 
     /// Return the cost at the base.
-    pub(crate) fn base_cost(&self) -> f64 {
+    pub fn base_cost(&self) -> f64 {
         self.inner.borrow().model.cost
     }
 
     /// Return the size of theta along each flat coordinate, 1 where it is 0.
-    pub(crate) fn extent(&self) -> Vec<f64> {
+    pub fn extent(&self) -> Vec<f64> {
         let inner = self.inner.borrow();
         let mut extent = vec![0.0; self.size];
         self.manifold.extent(&inner.base, &mut extent);
@@ -102,19 +102,19 @@ impl<'f, 's, 'a> Frame<'f, 's, 'a> {
     }
 
     /// Return the stopping rules.
-    pub(crate) fn stopping(&self) -> Stopping {
+    pub fn stopping(&self) -> Stopping {
         self.inner.borrow().session.stopping().clone()
     }
 
     /// Return the coordinates that a back-end with a sense of absolute size may give to the base: theta on a vector space,
     /// else 0.
-    pub(crate) fn origin(&self) -> Vec<f64> {
+    pub fn origin(&self) -> Vec<f64> {
         let inner = self.inner.borrow();
         if self.is_flat_space() { weighted(&inner.base, &inner.scaling) } else { vec![0.0; self.size] }
     }
 
     /// Return residual and Jacobian with respect to the flat coordinates; counts an iteration when the point is new.
-    pub(crate) fn residual_and_jacobian(&self, x: &[f64]) -> Option<(Vec<f64>, Vec<f64>)> {
+    pub fn residual_and_jacobian(&self, x: &[f64]) -> Option<(Vec<f64>, Vec<f64>)> {
         let mut inner = self.inner.borrow_mut();
         let theta = inner.point_unchecked(self.manifold, x);
         if inner.model_theta != theta {
@@ -132,12 +132,12 @@ impl<'f, 's, 'a> Frame<'f, 's, 'a> {
     }
 
     /// Return the seed of the solve.
-    pub(crate) fn seed(&self) -> u64 {
+    pub fn seed(&self) -> u64 {
         self.inner.borrow().session.seed()
     }
 
     /// Return the cost at flat coordinates, infinite where it is not finite; `None` after the end of the solve.
-    pub(crate) fn cost(&self, x: &[f64]) -> Option<f64> {
+    pub fn cost(&self, x: &[f64]) -> Option<f64> {
         let mut inner = self.inner.borrow_mut();
         inner.use_patience()?;
         if let Some(sample) = inner.recent.iter().find(|s| s.x == x) {
@@ -153,7 +153,7 @@ impl<'f, 's, 'a> Frame<'f, 's, 'a> {
     }
 
     /// Return cost and gradient at flat coordinates; `None` after the end of the solve or where they are not finite.
-    pub(crate) fn cost_and_gradient(&self, x: &[f64]) -> Option<(f64, Vec<f64>)> {
+    pub fn cost_and_gradient(&self, x: &[f64]) -> Option<(f64, Vec<f64>)> {
         let mut inner = self.inner.borrow_mut();
         inner.use_patience()?;
         let known = inner.recent.iter().find(|s| s.x == x);
@@ -166,7 +166,7 @@ impl<'f, 's, 'a> Frame<'f, 's, 'a> {
     }
 
     /// Return the Gauss-Newton Hessian at flat coordinates, for the point evaluated last or evaluated again.
-    pub(crate) fn normal_matrix(&self, x: &[f64]) -> Option<Vec<Vec<f64>>> {
+    pub fn normal_matrix(&self, x: &[f64]) -> Option<Vec<Vec<f64>>> {
         let mut inner = self.inner.borrow_mut();
         if inner.recent.last().is_none_or(|s| s.x != x || s.gradient.is_none()) {
             let (cost, gradient) = inner.evaluate_gradient(self.manifold, x)?;
@@ -186,7 +186,7 @@ impl<'f, 's, 'a> Frame<'f, 's, 'a> {
     }
 
     /// Count an iteration of a back-end; `None` when a limit is reached.
-    pub(crate) fn next_iteration(&self) -> Option<()> {
+    pub fn next_iteration(&self) -> Option<()> {
         let mut inner = self.inner.borrow_mut();
         inner.patience = PATIENCE;
         let result = inner.session.next_iteration();
@@ -194,7 +194,7 @@ impl<'f, 's, 'a> Frame<'f, 's, 'a> {
     }
 
     /// Report an iteration that stands at flat coordinates `x`.
-    pub(crate) fn record(&self, x: &[f64], cost: f64, step_norm: f64, damping: f64) {
+    pub fn record(&self, x: &[f64], cost: f64, step_norm: f64, damping: f64) {
         let mut inner = self.inner.borrow_mut();
         let gradient = inner.recent.iter().find(|s| s.x == x).and_then(|s| s.gradient.as_ref());
         let gradient_norm =
@@ -212,14 +212,14 @@ impl<'f, 's, 'a> Frame<'f, 's, 'a> {
     }
 
     /// Take the end of the solve, if there is one: a limit, or a vanished residual.
-    pub(crate) fn ended(&self) -> Option<End> {
+    pub fn ended(&self) -> Option<End> {
         let mut inner = self.inner.borrow_mut();
         let zero = Self::zero(&inner);
         zero.or_else(|| inner.end.take())
     }
 
     /// Say whether the cosine test holds at the best point, if that is the one evaluated last.
-    pub(crate) fn flat(&self) -> Option<End> {
+    pub fn flat(&self) -> Option<End> {
         let inner = self.inner.borrow();
         if inner.model_theta != inner.session.best().0 {
             return None;
@@ -232,7 +232,7 @@ impl<'f, 's, 'a> Frame<'f, 's, 'a> {
     }
 
     /// Move the base to the best point; return how far that was, relative to the size of theta (scaled norms).
-    pub(crate) fn recentre(&self, with_jacobian: bool) -> Result<f64, End> {
+    pub fn recentre(&self, with_jacobian: bool) -> Result<f64, End> {
         let mut inner = self.inner.borrow_mut();
         let inner = &mut *inner;
         let best = inner.session.best().0.to_vec();
@@ -259,13 +259,13 @@ impl<'f, 's, 'a> Frame<'f, 's, 'a> {
     }
 
     /// Return cost and gradient at the base from the model in hand, without an evaluation.
-    pub(crate) fn base_gradient(&self) -> Vec<f64> {
+    pub fn base_gradient(&self) -> Vec<f64> {
         let inner = self.inner.borrow();
         inner.model.gradient.iter().zip(&inner.scaling).map(|(g, s)| g / s).collect()
     }
 
     /// Let the base count as evaluated, so that a back-end that starts there costs nothing.
-    pub(crate) fn seed_base(&self, with_gradient: bool) {
+    pub fn seed_base(&self, with_gradient: bool) {
         let gradient = with_gradient.then(|| self.base_gradient());
         let mut inner = self.inner.borrow_mut();
         let cost = inner.model.cost;
@@ -274,28 +274,28 @@ impl<'f, 's, 'a> Frame<'f, 's, 'a> {
     }
 
     /// Return the number of residuals.
-    pub(crate) fn num_residuals(&self) -> usize {
+    pub fn num_residuals(&self) -> usize {
         self.inner.borrow().model.rows
     }
 
     /// Return the least cost seen.
-    pub(crate) fn best_cost(&self) -> f64 {
+    pub fn best_cost(&self) -> f64 {
         self.inner.borrow().session.best().1
     }
 
     /// Say whether the manifold is a vector space, where a base need not be moved.
-    pub(crate) fn is_flat_space(&self) -> bool {
+    pub fn is_flat_space(&self) -> bool {
         self.manifold.ambient() == self.size
     }
 
     /// Say whether the solve is over.
-    pub(crate) fn is_over(&self) -> bool {
+    pub fn is_over(&self) -> bool {
         let inner = self.inner.borrow();
         inner.end.is_some() || Self::zero(&inner).is_some()
     }
 
     /// Decide after a round that brought `gain` (relative decrease of the cost) by a move of relative length `moved`.
-    pub(crate) fn decide(&self, gain: f64, moved: f64, with_jacobian: bool) -> Option<End> {
+    pub fn decide(&self, gain: f64, moved: f64, with_jacobian: bool) -> Option<End> {
         if with_jacobian && let Some(end) = self.flat() {
             return Some(end);
         }
@@ -322,7 +322,7 @@ const MOST_CAUTION: f64 = 1e6;
 
 /// What a round of a back-end says about itself.
 #[derive(Debug, Clone, PartialEq)]
-pub(crate) enum Round {
+pub enum Round {
     /// Its gain decides about convergence.
     Decisive,
     /// It searched too widely for that; go on with a narrower one.
@@ -332,7 +332,7 @@ pub(crate) enum Round {
 }
 
 /// Run rounds of a back-end until one decides or a limit is reached.
-pub(crate) fn rounds(
+pub fn rounds(
     session: &mut Session<'_, '_>,
     start: &[f64],
     with_jacobian: bool,

@@ -1,8 +1,8 @@
 //! Bounds and general constraints at a point, linear in the step.
 
+use crate::descent::Model;
 use crate::linear::minimum_norm;
 use crate::problem::LeastSquares;
-use crate::solvers::descent::Model;
 
 /// Violation that restored points must not exceed.
 const RESTORED: f64 = 1e-9;

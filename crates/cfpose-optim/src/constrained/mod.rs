@@ -7,11 +7,11 @@
 //! Source: Conn, Gould and Toint, Trust-Region Methods (2000), chapter 15; the feasible path is that of a retraction
 //! (Absil, Mahony and Sepulchre, Optimization Algorithms on Matrix Manifolds, 2008, chapter 4).
 
+use crate::descent::{Model, ROUNDING_RISE, not_finite_start};
 use crate::manifold::{Manifold, norm};
 use crate::outcome::Status;
 use crate::problem::half_squared_norm;
 use crate::session::{COST_ROUNDING, End, Progress, Session};
-use crate::solvers::descent::{Model, ROUNDING_RISE, not_finite_start};
 
 mod linearised;
 mod loss;

@@ -4,10 +4,10 @@
 //! nonlinear equations with convex constraints, J. Comput. Appl. Math. 172 (2004); the active set within a step is ours.
 
 use crate::constraint::Bounds;
+use crate::descent::{Model, Proposal, StepRule};
 use crate::manifold::Manifold;
 use crate::outcome::Status;
 use crate::session::End;
-use crate::solvers::descent::{Model, Proposal, StepRule};
 
 /// Bounds seen along tangent coordinates; only coordinates of Euclidean factors may be bounded.
 #[derive(Debug, Clone)]

@@ -6,6 +6,6 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 ///
 /// argmin's trust-region step and line searches index and unwrap on values that are not numbers. The evaluations they make
 /// go through the session, whose state stays whole at any point where they can panic.
-pub(crate) fn guarded<T>(call: impl FnOnce() -> T) -> Option<T> {
+pub fn guarded<T>(call: impl FnOnce() -> T) -> Option<T> {
     catch_unwind(AssertUnwindSafe(call)).ok()
 }

@@ -4,12 +4,14 @@
 //! step it gives). Every trial evaluates residual and Jacobian together: so no point is ever evaluated twice, at the price
 //! of an unused Jacobian in a rejected trial, which is the rarer case.
 
+use crate::entry::{EntryError, Parameters};
 use crate::manifold::{Manifold, norm};
 use crate::outcome::Status;
 use crate::session::{COST_ROUNDING, End, Progress, Session};
 
 mod boxed;
 mod model;
+pub mod region;
 
 pub use boxed::TangentBox;
 pub use model::Model;
@@ -90,6 +92,14 @@ pub fn descend(
             return Ok(End::new(Status::Stalled, "no step lowers the cost, however short"));
         }
     }
+}
+
+/// Read the parameter `accept` of a table line: the least gain ratio of an accepted trial.
+///
+/// # Errors
+/// [`EntryError::BadValue`] outside 0 <= accept < 1/4.
+pub fn accept(parameters: &Parameters) -> Result<f64, EntryError> {
+    parameters.number("accept", "a number from 0 to below 0.25", |v| (0.0..0.25).contains(&v))
 }
 
 /// Above this cosine a cost that cannot be lowered any more is not a minimum but a failure of the model.
