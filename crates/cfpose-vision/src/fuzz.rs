@@ -1,7 +1,7 @@
 //! One entry for property tests and fuzzers.
 
 use crate::formats::FORMATS;
-use crate::read::ReadOptions;
+use crate::options::ReadOptions;
 
 /// Read bytes as each format and assert what must hold for all input; the first byte chooses the options.
 ///

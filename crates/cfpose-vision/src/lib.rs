@@ -34,16 +34,21 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+mod bytes;
 mod camera;
 mod cursor;
 mod error;
 pub mod formats;
 mod fuzz;
 mod gather;
+mod lookup;
 mod mesh;
+mod options;
 mod poses;
 mod read;
+mod rows;
 mod scalar;
+mod triangles;
 mod write;
 
 pub use camera::Camera;
@@ -51,7 +56,9 @@ pub use error::{Fault, FileError, Flaw, Place};
 pub use formats::{FORMATS, Format};
 pub use fuzz::fuzz_one;
 pub use gather::PointTable;
+pub use lookup::format_of;
 pub use mesh::{Mesh, read_mesh};
+pub use options::{Foreground, ReadOptions};
 pub use poses::{PoseFormat, StampedPose, read_poses};
-pub use read::{Foreground, PointFile, ReadOptions, format_of, read_points};
+pub use read::{PointFile, read_points};
 pub use write::write_points;

@@ -2,9 +2,11 @@
 
 use std::path::Path;
 
+use crate::bytes::read_bytes;
 use crate::error::{Fault, FileError, Flaw};
 use crate::formats::{obj, ply};
-use crate::read::{ReadOptions, format_of, read_bytes};
+use crate::lookup::format_of;
+use crate::options::ReadOptions;
 
 /// Vertices and triangles of a file; without triangles it is a cloud.
 #[derive(Debug, Clone, PartialEq)]
@@ -45,16 +47,6 @@ pub fn read_mesh(path: &Path) -> Result<Mesh, FileError> {
     };
     let vertices = (0..points.len()).map(|k| points.point(k)).collect();
     Ok(Mesh { vertices, triangles: triangles.map_err(fail)? })
-}
-
-/// Split a polygon into the triangles around its first vertex and check its indices.
-pub(crate) fn push_fan(triangles: &mut Vec<[usize; 3]>, polygon: &[usize], num_vertices: usize) -> Result<(), Fault> {
-    if let Some(wrong) = polygon.iter().find(|index| **index >= num_vertices) {
-        let what = format!("the face names vertex number {}, of {num_vertices}", wrong.saturating_add(1));
-        return Err(Fault::Face { what });
-    }
-    triangles.extend(polygon.windows(2).skip(1).map(|pair| [polygon[0], pair[0], pair[1]]));
-    Ok(())
 }
 
 #[cfg(test)]

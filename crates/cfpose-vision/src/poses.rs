@@ -138,7 +138,7 @@ fn pose_json(pose: &StampedPose) -> Value {
 /// ```
 pub fn read_poses(path: &Path) -> Result<Vec<StampedPose>, FileError> {
     let fail = |flaw: Flaw| flaw.in_file(path);
-    let bytes = crate::read::read_bytes(path).map_err(|fault| match fault {
+    let bytes = crate::bytes::read_bytes(path).map_err(|fault| match fault {
         Fault::Empty => fail(empty()),
         other => fail(other.into()),
     })?;

@@ -12,7 +12,7 @@ use image::{DynamicImage, GrayImage, ImageDecoder, ImageFormat, ImageResult, Lim
 
 use crate::error::{Fault, Flaw, Place, one_line};
 use crate::gather::{Gather, Layout, PointTable};
-use crate::read::{Foreground, ReadOptions};
+use crate::options::{Foreground, ReadOptions};
 
 /// Largest number of pixels (8192 x 8192): an honest image may still unpack to a thousand times its size.
 const MOST_PIXELS: u64 = 1 << 26;

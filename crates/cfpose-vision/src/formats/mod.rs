@@ -11,7 +11,7 @@ use cfpose::Points;
 
 use crate::error::{Fault, Flaw};
 use crate::gather::PointTable;
-use crate::read::ReadOptions;
+use crate::options::ReadOptions;
 
 /// Make points of the bytes of a whole file.
 pub type ReadFn = fn(&[u8], &ReadOptions) -> Result<PointTable, Flaw>;

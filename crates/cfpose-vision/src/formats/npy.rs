@@ -7,7 +7,7 @@ use cfpose::Points;
 
 use crate::error::{Fault, Flaw, Place, excerpt};
 use crate::gather::{Gather, Layout, PointTable};
-use crate::read::ReadOptions;
+use crate::options::ReadOptions;
 use crate::scalar::Scalar;
 
 const MAGIC: &[u8] = b"\x93NUMPY";

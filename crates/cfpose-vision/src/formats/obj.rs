@@ -5,13 +5,12 @@
 
 use cfpose::Points;
 
-use super::text::number;
 use crate::cursor::Lines;
 use crate::error::{Fault, Flaw, Place, excerpt};
 use crate::gather::{Gather, Layout, PointTable};
-use crate::mesh::push_fan;
-use crate::read::ReadOptions;
-use crate::write::rows;
+use crate::options::ReadOptions;
+use crate::rows::{number, rows};
+use crate::triangles::push_fan;
 
 /// Read the lines that begin with `v`.
 pub(super) fn read(bytes: &[u8], _options: &ReadOptions) -> Result<PointTable, Flaw> {

@@ -8,10 +8,10 @@
 use cfpose::Points;
 
 use crate::cursor::Lines;
-use crate::error::{Fault, Flaw, Place, excerpt};
+use crate::error::{Fault, Flaw, Place};
 use crate::gather::{Gather, Layout, PointTable};
-use crate::read::ReadOptions;
-use crate::write::{column_names, rows};
+use crate::options::ReadOptions;
+use crate::rows::{column_names, number, rows};
 
 /// Read text with one row a line.
 pub(super) fn read(bytes: &[u8], _options: &ReadOptions) -> Result<PointTable, Flaw> {
@@ -85,20 +85,6 @@ fn is_name(field: &str) -> bool {
 
 fn is_axis(name: &str) -> bool {
     ["x", "y", "z", "w"].iter().any(|axis| name.eq_ignore_ascii_case(axis))
-}
-
-/// Parse one field.
-pub(super) fn number(field: &str, column: &str) -> Result<f64, Fault> {
-    field.parse().map_err(|_| {
-        let hint = if field.is_empty() {
-            "; fill it in or remove the row"
-        } else if field.contains(',') {
-            "; write decimals with a point"
-        } else {
-            "; a comment starts with #"
-        };
-        Fault::NotANumber { column: column.to_string(), text: excerpt(field), hint }
-    })
 }
 
 /// Write a header and one row a line, with commas.

@@ -4,8 +4,8 @@ use super::header::{Data, Field, Header};
 use super::lzf;
 use crate::cursor::Lines;
 use crate::error::{Fault, Flaw, Place};
-use crate::formats::text::number;
 use crate::gather::Gather;
+use crate::rows::number;
 
 /// Gather the points.
 pub(super) fn read(header: &Header, lines: Lines, gather: Gather) -> Result<Gather, Flaw> {

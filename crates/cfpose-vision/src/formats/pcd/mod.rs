@@ -14,8 +14,8 @@ use cfpose::Points;
 use crate::cursor::Lines;
 use crate::error::{Fault, Flaw};
 use crate::gather::{Gather, Layout, PointTable};
-use crate::read::ReadOptions;
-use crate::write::{column_names, rows};
+use crate::options::ReadOptions;
+use crate::rows::{column_names, rows};
 
 /// Read the points.
 pub(super) fn read(bytes: &[u8], _options: &ReadOptions) -> Result<PointTable, Flaw> {

@@ -3,8 +3,8 @@
 use super::header::{Element, Encoding, Header, Property};
 use crate::cursor::Lines;
 use crate::error::{Fault, Flaw, Place, excerpt};
-use crate::formats::text::number;
 use crate::gather::Gather;
+use crate::rows::number;
 
 /// Gather the vertices and step over everything else, up to the last element.
 pub(super) fn read(header: &Header, mut lines: Lines, mut gather: Gather) -> Result<Gather, Flaw> {
