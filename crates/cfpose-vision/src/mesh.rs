@@ -4,9 +4,9 @@ use std::path::Path;
 
 use crate::bytes::read_bytes;
 use crate::error::{Fault, FileError, Flaw};
-use crate::formats::{obj, ply};
-use crate::lookup::format_of;
-use crate::options::ReadOptions;
+use crate::formats::{obj, ply, stl};
+use crate::options::{Invalid, ReadOptions};
+use crate::read::{choose, read_as, unpacked};
 
 /// Vertices and triangles of a file; without triangles it is a cloud.
 #[derive(Debug, Clone, PartialEq)]
@@ -17,7 +17,7 @@ pub struct Mesh {
     pub triangles: Vec<[usize; 3]>,
 }
 
-/// Read a mesh: faces of `.obj` and `.ply` files, polygons split into fans; other formats hold points alone.
+/// Read a mesh: faces of `.obj`, `.ply` and `.stl` files, polygons split into fans; other formats hold points alone.
 ///
 /// # Errors
 /// [`FileError`]: as [`crate::read_points`], points that are not 3-D, and faces that name no vertex.
@@ -33,9 +33,12 @@ pub struct Mesh {
 /// ```
 pub fn read_mesh(path: &Path) -> Result<Mesh, FileError> {
     let fail = |flaw: Flaw| flaw.in_file(path);
-    let format = format_of(path).map_err(|fault| fail(fault.into()))?;
+    // Faces count vertices as they stand in the file, so none may be skipped.
+    let options = ReadOptions { invalid: Invalid::Refuse, ..ReadOptions::default() };
+    let format = choose(path, &options).map_err(|fault| fail(fault.into()))?;
     let bytes = read_bytes(path).map_err(|fault| fail(fault.into()))?;
-    let points = (format.read)(&bytes, &ReadOptions::default()).map_err(fail)?.points;
+    let points = read_as(format, &bytes, &options).map_err(fail)?.points;
+    let bytes = unpacked(&bytes).map_err(|fault| fail(fault.into()))?;
     if points.dim() != 3 {
         let what = format!("a mesh of points with {} coordinate(s)", points.dim());
         return Err(fail(Fault::Unsupported { what, advice: "give points with x, y and z" }.into()));
@@ -43,6 +46,7 @@ pub fn read_mesh(path: &Path) -> Result<Mesh, FileError> {
     let triangles = match format.name {
         "obj" => obj::triangles(&bytes, points.len()),
         "ply" => ply::triangles(&bytes, points.len()),
+        "stl" => stl::triangles(&bytes, points.len()),
         _ => Ok(Vec::new()),
     };
     let vertices = (0..points.len()).map(|k| points.point(k)).collect();

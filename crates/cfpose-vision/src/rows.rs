@@ -3,6 +3,7 @@
 use cfpose::Points;
 
 use crate::error::{Fault, excerpt};
+use crate::scalar::Scalar;
 
 /// Parse one field.
 pub(crate) fn number(field: &str, column: &str) -> Result<f64, Fault> {
@@ -16,6 +17,13 @@ pub(crate) fn number(field: &str, column: &str) -> Result<f64, Fault> {
         };
         Fault::NotANumber { column: column.to_string(), text: excerpt(field), hint }
     })
+}
+
+/// Parse one field of a type that a header gives.
+pub(crate) fn typed(field: &str, column: &str, scalar: Scalar) -> Result<f64, Fault> {
+    let value = number(field, column)?;
+    let outside = || Fault::OutsideType { column: column.to_string(), text: excerpt(field), kind: scalar.name() };
+    if scalar.holds(value) { Ok(value) } else { Err(outside()) }
 }
 
 /// Return the names of the columns to write: the coordinates, then `w` if the weights differ from 1.

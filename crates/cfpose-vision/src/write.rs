@@ -17,6 +17,10 @@ use crate::lookup::format_of;
 pub fn write_points(path: &Path, points: &Points) -> Result<(), FileError> {
     let fail = |fault: Fault| Flaw::from(fault).in_file(path);
     let format = format_of(path).map_err(fail)?;
+    if path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("gz")) {
+        let what = "a gz file can be read and not written".to_string();
+        return Err(fail(Fault::Unwritable { what, advice: "it without .gz" }));
+    }
     let Some(write) = format.write else {
         let what = format!("a {} file can be read and not written", format.name);
         return Err(fail(Fault::Unwritable { what, advice: "csv" }));
