@@ -236,8 +236,11 @@ fn family(meanings: &[Meaning]) -> Option<Vec<usize>> {
     let (mut members, None) = (members.next()?, members.next()) else { return None };
     members.sort_unstable();
     let first = members[0].0;
+    if first > 1 || members.len() > 3 {
+        return None;
+    }
     let whole = members.iter().zip(first..).all(|(member, number)| member.0 == number);
-    (whole && first < 2 && members.len() < 4).then(|| members.iter().map(|member| member.1).collect())
+    whole.then(|| members.iter().map(|member| member.1).collect())
 }
 
 /// Refuse coordinates that leave one out.

@@ -61,6 +61,7 @@ fn names_that_say_nothing_are_refused_with_a_choice_that_works() {
         ("easting,northing,down", "easting, northing, down"),
         ("x1,y1,x2", "x1, y1, x2"),
         ("p1,p2,q3", "p1, p2, q3"),
+        ("x4294967295,x1,x2", "x4294967295, x1, x2"),
     ] {
         let text = format!("{header}\n1,2,3\n4,5.5,-6\n");
         let message = read("a.csv", &text).map(|file| rows(&file));

@@ -190,7 +190,7 @@ fn no_bytes_make_a_reader_panic_or_take_memory_for_a_claim() {
         fuzz_one(&[&[127], &boast[..]].concat());
     }
     // More than the default for a long run: CFPOSE_FUZZ_CASES=1000000.
-    let cases = std::env::var("CFPOSE_FUZZ_CASES").ok().and_then(|text| text.parse().ok()).unwrap_or(100_000u32);
+    let cases = std::env::var("CFPOSE_FUZZ_CASES").ok().and_then(|text| text.parse().ok()).unwrap_or(200_000u32);
     let config = Config { cases: cases / 10, failure_persistence: None, ..Config::default() };
     let rng = || TestRng::deterministic_rng(RngAlgorithm::ChaCha);
     let random = prop::collection::vec(any::<u8>(), 0..300);
