@@ -8,6 +8,8 @@
 mod header;
 mod zip;
 
+use std::borrow::Cow;
+
 use cfpose::Points;
 
 use crate::columns::{Layout, MOST_COLUMNS, list};
@@ -25,11 +27,16 @@ pub(super) fn read(bytes: &[u8], options: &ReadOptions) -> Result<PointTable, Fl
 /// Read an archive of arrays.
 pub(super) fn read_archive(bytes: &[u8], options: &ReadOptions) -> Result<PointTable, Flaw> {
     let limit = Unpacked::of(bytes.len());
+    let entries = zip::entries(bytes, limit.bytes)?;
+    // Data that are stored as they are have the size of the file.
+    let limit = match entries.iter().any(|entry| matches!(entry.bytes, Cow::Owned(_))) {
+        true => limit,
+        false => Unpacked { points: usize::MAX, ..limit },
+    };
     let within = |table: PointTable| match table.points.len() > limit.points {
         true => Err(Fault::Unpacks { limit: limit.points, what: "points", advice: zip::STORE }.into()),
         false => Ok(table),
     };
-    let entries = zip::entries(bytes, limit.bytes)?;
     let arrays: Vec<(String, Array)> = entries
         .iter()
         .map(|entry| Ok((entry.name.trim_end_matches(".npy").to_string(), Array::parse(&entry.bytes)?)))
