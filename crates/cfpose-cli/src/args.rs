@@ -71,12 +71,15 @@ pub struct ProblemArgs {
     /// Transformation model
     #[arg(long, value_name = "M")]
     pub model: String,
-    /// Source points P: csv, txt, xyz, ply, obj, pcd, npy
-    #[arg(long, value_name = "FILE")]
+    /// Source points P: csv, txt, xyz, ply, obj, stl, pcd, las, npy, ..; - is standard input
+    #[arg(long, value_name = "FILE", allow_hyphen_values = true)]
     pub source: PathBuf,
     /// Target points Q
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, value_name = "FILE", allow_hyphen_values = true)]
     pub target: PathBuf,
+    #[command(flatten)]
+    #[allow(missing_docs)]
+    pub reading: ReadingArgs,
     /// Sets everything that is not given: auto or paper
     #[arg(long, value_name = "NAME", default_value = "auto")]
     pub preset: String,
@@ -131,6 +134,51 @@ pub struct ProblemArgs {
     /// Write the result as JSON to a file, or to standard output for -
     #[arg(long, value_name = "FILE|-")]
     pub json: Option<PathBuf>,
+}
+
+/// How point files are read.
+#[derive(Debug, Default, Args)]
+#[command(next_help_heading = "Reading of both files")]
+pub struct ReadingArgs {
+    /// The coordinates: 1 to 3 columns by name, or by number from 1
+    #[arg(long, value_name = "A,B[,C]", value_delimiter = ',')]
+    pub columns: Vec<String>,
+    /// The weight: a column by name, or by number from 1; w when not given
+    #[arg(long, value_name = "W")]
+    pub weight_column: Option<String>,
+    /// Format of standard input, of pipes and of files without a known extension; else of both files
+    #[arg(long, value_name = "F")]
+    pub format: Option<String>,
+    /// Rows that are not finite; when not given, rows without any coordinate are skipped and others refused
+    #[arg(long, value_name = "skip|refuse")]
+    pub invalid: Option<InvalidRows>,
+    /// Most points of a file
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
+    pub max_points: Option<u64>,
+    /// Largest grey value of a mask that still is dark, 0 to 255, or otsu
+    #[arg(long, value_name = "T|otsu")]
+    pub threshold: Option<cfpose_vision::Threshold>,
+    /// Side of the threshold that is the region of a mask; found by the border when not given
+    #[arg(long, value_name = "dark|bright")]
+    pub foreground: Option<Side>,
+}
+
+/// What happens to rows that are not finite.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum InvalidRows {
+    /// They are skipped.
+    Skip,
+    /// They are an error.
+    Refuse,
+}
+
+/// A side of the threshold of a mask.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum Side {
+    /// At or below it.
+    Dark,
+    /// Above it.
+    Bright,
 }
 
 /// Arguments of `estimate`.

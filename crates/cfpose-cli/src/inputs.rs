@@ -11,9 +11,9 @@ use cfpose::theta::{Layout, RotationForm};
 use cfpose::{
     BuildContext, BuildError, Estimator, Execution, Isa, Model, Points, PointsError, Pose, Registry, Settings, Start,
 };
-use cfpose_vision::{Camera, PointFile, ReadOptions, read_points};
+use cfpose_vision::{Camera, Foreground, Invalid, PointFile, ReadOptions, format_named, format_of, read_points};
 
-use crate::args::{FrameName, ProblemArgs, Reflections, numbers};
+use crate::args::{FrameName, InvalidRows, ProblemArgs, ReadingArgs, Reflections, Side, numbers};
 use crate::failure::{Failure, Kind, is_wrong_name};
 use crate::{output, starts};
 
@@ -69,8 +69,8 @@ pub fn load(args: &ProblemArgs, registry: &Registry) -> Result<Loaded, Failure> 
         settings.start = Some(Start::Named(cfpose::start::with_reflections(&registry.starts, name, allow)));
     }
     output::check_writable(args.json.as_deref())?;
-    let source = read(&args.source)?;
-    let target = read(&args.target)?;
+    let files = read_both(args)?;
+    let (source, target) = (files[0].points.clone(), files[1].points.clone());
     let (source_dim, target_dim) = (source.dim(), target.dim());
     if camera.is_some() && source.dim() != 2 && target.dim() != 2 {
         output::note("note: --camera has no effect, no file has 2 columns");
@@ -79,6 +79,9 @@ pub fn load(args: &ProblemArgs, registry: &Registry) -> Result<Loaded, Failure> 
     let execution = execution(args.threads, isa, source.len().max(target.len()))?;
     let estimator = Estimator::new(registry, &settings, &source, &target, &execution)
         .map_err(|error| name_file(error, args, &target))?;
+    for (file, note) in files.iter().flat_map(|file| file.notes.iter().map(move |note| (file, note))) {
+        output::note(&format!("note: {}: {note}", file.path.display()));
+    }
     Ok(Loaded {
         estimator,
         isa,
@@ -142,9 +145,58 @@ fn settings(args: &ProblemArgs, registry: &Registry) -> Result<Settings, Failure
 /// # Errors
 /// As [`read_points`].
 pub fn read(path: &Path) -> Result<Points, Failure> {
-    let PointFile { points, .. } = read_points(path, &ReadOptions::default())?;
-    check_size(&points).map_err(|problem| Failure::input(format!("{}: {problem}", path.display())))?;
-    Ok(points)
+    Ok(read_file(path, &ReadOptions::default())?.points)
+}
+
+fn read_file(path: &Path, options: &ReadOptions) -> Result<PointFile, Failure> {
+    let file = read_points(path, options)?;
+    check_size(&file.points).map_err(|problem| Failure::input(format!("{}: {problem}", path.display())))?;
+    Ok(file)
+}
+
+/// Read source and target with the flags of reading.
+fn read_both(args: &ProblemArgs) -> Result<[PointFile; 2], Failure> {
+    let paths = [&args.source, &args.target];
+    if paths.iter().all(|path| path.as_os_str() == "-") {
+        return Err(Failure::usage("--source and --target are both standard input; name a file for one of them"));
+    }
+    let reading = &args.reading;
+    if let Some(name) = &reading.format {
+        format_named(name).map_err(|fault| Failure::usage(format!("--format: {fault}")))?;
+    }
+    // The format is that of the files whose name tells none, else of both.
+    let open = paths.map(|path| format_of(path).is_err());
+    let options = |open_here: bool| ReadOptions {
+        format: reading.format.clone().filter(|_| open_here || open == [false; 2]),
+        ..read_options(reading)
+    };
+    let files = [read_file(paths[0], &options(open[0]))?, read_file(paths[1], &options(open[1]))?];
+    let of_masks = reading.threshold.is_some() || reading.foreground.is_some();
+    if of_masks && files.iter().all(|file| file.format != "mask") {
+        output::note("note: --threshold and --foreground have no effect, no file is an image");
+    }
+    Ok(files)
+}
+
+/// Return what the flags of reading say.
+fn read_options(reading: &ReadingArgs) -> ReadOptions {
+    ReadOptions {
+        columns: reading.columns.clone(),
+        weight_column: reading.weight_column.clone(),
+        invalid: match reading.invalid {
+            None => Invalid::Missing,
+            Some(InvalidRows::Skip) => Invalid::Skip,
+            Some(InvalidRows::Refuse) => Invalid::Refuse,
+        },
+        max_points: reading.max_points.map(|most| usize::try_from(most).unwrap_or(usize::MAX)),
+        threshold: reading.threshold.unwrap_or_default(),
+        foreground: match reading.foreground {
+            None => Foreground::Auto,
+            Some(Side::Dark) => Foreground::Dark,
+            Some(Side::Bright) => Foreground::Bright,
+        },
+        ..ReadOptions::default()
+    }
 }
 
 /// Largest coordinate, and smallest extent: squares and cubes of what lies beyond are infinite or 0.

@@ -68,7 +68,8 @@ fn from_file(path: &Path, context: &Context<'_>) -> Result<Vec<Vec<f64>>, Failur
         std::io::ErrorKind::NotFound => fail(path, &"there is no such file; check the name and the folder"),
         _ => fail(path, &error),
     })?;
-    if let Ok(value) = serde_json::from_str::<serde_json::Value>(&text)
+    let text = text.strip_prefix('\u{feff}').unwrap_or(&text);
+    if let Ok(value) = serde_json::from_str::<serde_json::Value>(text)
         && let Some(theta) = value.get("theta")
     {
         let form = form_of_result(&value, context).map_err(|problem| fail(path, &problem))?;

@@ -25,7 +25,7 @@ fn text_files() {
     desk.write("ragged.txt", "1 2 3\n4 5\n");
     assert_snapshot!(desk.fails(3, &format!("{RIGID} ragged.txt")), @"error: ragged.txt: line 2: 2 columns, but the rows above have 3; give every row the same number of columns");
     desk.write("wide.csv", "1,2,3,4\n5,6,7,8\n");
-    assert_snapshot!(desk.fails(3, &format!("{RIGID} wide.csv")), @"error: wide.csv: line 1: 4 columns; points have 1, 2 or 3 columns and, if a header names it, a column w of weights");
+    assert_snapshot!(desk.fails(3, &format!("{RIGID} wide.csv")), @"error: wide.csv: line 1: 4 columns; points have 1, 2 or 3 columns and, if a header names it, a column w of weights; choose them with --columns 1,2,3");
     desk.write("flat.csv", "1,2\n3,4\n5,6\n");
     assert_snapshot!(desk.fails(3, &format!("{RIGID} flat.csv")), @"error: flat.csv: source points have 2 coordinates, model `rigid3` takes 3");
     desk.write("equal.csv", "1,2,3\n1,2,3\n1,2,3\n");
@@ -81,8 +81,8 @@ fn binary_files() {
     assert_snapshot!(desk.fails(3, &format!("{RIGID} noise.npy")), @"error: noise.npy: the header is cut off; write the file again with a tool that knows the format");
     desk.write("empty.obj", "# nothing\n");
     assert_snapshot!(desk.fails(3, &format!("{RIGID} empty.obj")), @"error: empty.obj: the file holds no points; give one row a point");
-    assert_snapshot!(desk.fails(3, &format!("{RIGID} good.cvs")), @r#"error: good.cvs: no format has the extension "cvs" (did you mean "csv"?); known are csv, txt, xyz, ply, obj, pcd, npy, png, jpg, jpeg"#);
-    assert_snapshot!(desk.fails(3, &format!("{RIGID} .")), @r#"error: .: no format has the extension ""; known are csv, txt, xyz, ply, obj, pcd, npy, png, jpg, jpeg"#);
+    assert_snapshot!(desk.fails(3, &format!("{RIGID} good.cvs")), @r#"error: good.cvs: no format has the extension "cvs" (did you mean "csv"?); known are csv, txt, xyz, asc, tsv, pts, ply, obj, stl, pcd, las, laz, npy, npz, png, jpg, jpeg"#);
+    assert_snapshot!(desk.fails(3, &format!("{RIGID} .")), @r#"error: .: no format has the extension ""; known are csv, txt, xyz, asc, tsv, pts, ply, obj, stl, pcd, las, laz, npy, npz, png, jpg, jpeg"#);
 }
 
 #[test]
@@ -147,7 +147,7 @@ fn arguments_that_do_not_fit_together() {
     assert_snapshot!(desk.fails(2, &format!("{line} --camera 0,1,0,0")), @"error: --camera is `0,1,0,0`; give fx,fy,cx,cy in pixels, focal lengths above 0");
     assert_snapshot!(desk.fails(2, &format!("{line} --depth 2")), @"error: --depth does not apply to model `rigid3`, whose translation is in the units of the files; leave it out");
     assert_snapshot!(desk.fails(2, &format!("{line} --free rx,w")), @"error: --free: `w` is no parameter of this model; it has rx, ry, rz, tx, ty, tz");
-    assert_snapshot!(desk.fails(2, &format!("{line} --transformed-out x.dwg")), @r#"error: --transformed-out: no format has the extension "dwg" (did you mean "jpg"?); known are csv, txt, xyz, ply, obj, pcd, npy, png, jpg, jpeg"#);
+    assert_snapshot!(desk.fails(2, &format!("{line} --transformed-out x.dwg")), @r#"error: --transformed-out: no format has the extension "dwg" (did you mean "jpg"?); known are csv, txt, xyz, asc, tsv, pts, ply, obj, stl, pcd, las, laz, npy, npz, png, jpg, jpeg"#);
     let gain = "estimate --model gain1 --source p.csv --target p.csv";
     assert_snapshot!(desk.fails(2, &format!("{gain} --start pca")), @"error: start `pca` needs a rigid motion, similarity or affine map; use identity, grid or a theta");
     assert_snapshot!(desk.fails(2, &format!("{gain} --pose-out pose.txt")), @"error: --pose-out: model `gain1` has no pose; use --json");

@@ -4,7 +4,7 @@
 use std::path::PathBuf;
 
 use cfpose::entry::find;
-use cfpose::{Execution, Prepared, Registry, Supervision};
+use cfpose::{Estimator, Execution, Registry, Supervision};
 use cfpose_lab::method::Method;
 use cfpose_lab::plot::{overlay, panels};
 use cfpose_lab::{scenarios, seed};
@@ -24,14 +24,14 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         let trial = scenario.trial(&mut seed::data_stream(1, seed::fnv1a(spec.as_bytes())))?;
         let method = Method { start: start.to_string(), ..Method::of_preset(preset) };
         let settings = method.settings(scenario.model(), trial.start.as_deref(), 1)?;
-        let prepared = Prepared::new(&registry, &settings, &trial.source, &trial.target, &Execution::default())?;
-        let estimate = prepared.solve(&registry, Supervision::default())?;
-        let error = scenario.error(&prepared.model.layout, &estimate.theta, &trial.truth);
+        let estimator = Estimator::new(&registry, &settings, &trial.source, &trial.target, &Execution::default())?;
+        let estimate = estimator.solve(Supervision::default())?;
+        let error = scenario.error(&estimator.model().layout, &estimate.theta, &trial.truth);
         let title = error.map_or_else(String::new, |e| {
             format!("{name}: angle {:.2} deg, translation {:.4} after", e.angle.to_degrees(), e.translation)
         });
-        let before = trial.start.as_ref().unwrap_or(&prepared.model.identity);
-        let panels = panels(&prepared, &[("before", before), ("after", &estimate.theta)])?;
+        let before = trial.start.as_ref().unwrap_or(&estimator.model().identity);
+        let panels = panels(&estimator, &[("before", before), ("after", &estimate.theta)])?;
         let path = folder.join(format!("{name}.svg"));
         std::fs::write(&path, overlay(&title, &panels)?)?;
         println!("{}: {title}", path.display());

@@ -63,11 +63,11 @@ fn without_a_guess_the_method_keeps_a_start_of_its_own() {
     let settings = |method: &Method, start| method.settings("plane-bearing", start, 1).unwrap().start;
     let paper = Method::of_preset("paper");
     let preset = Settings::preset("paper", "plane-bearing").unwrap().start;
-    assert_eq!(settings(&paper, Some(&start)), Start::Given(vec![start.clone()]));
+    assert_eq!(settings(&paper, Some(&start)), Some(Start::Given(vec![start.clone()])));
     assert_eq!(settings(&paper, None), preset);
     let named = |name: &str| Method { start: name.to_string(), ..paper.clone() };
     assert_eq!(settings(&named("auto"), Some(&start)), preset);
-    assert_eq!(settings(&named("grid"), None), Start::Named("grid".to_string()));
+    assert_eq!(settings(&named("grid"), None), Some(Start::Named("grid".to_string())));
     assert!(named("auto").check(&Lab::default().registry, "plane-bearing").is_ok());
 }
 

@@ -69,10 +69,17 @@ impl From<Fault> for Flaw {
 
 /// What is wrong with a file and what to do about it.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum Fault {
     /// There is no such file.
     #[error("there is no such file; check the name and the folder")]
     Missing,
+    /// Nothing says which format it is.
+    #[error("nothing names the format of this input; give --format csv, or another of {known}")]
+    NoFormat {
+        /// All known extensions.
+        known: String,
+    },
     /// The path is a folder or a device.
     #[error("this is not a file of points but a folder or a device; name a regular file")]
     NotAFile,
@@ -140,10 +147,94 @@ pub enum Fault {
         than: &'static str,
     },
     /// The rows have too many columns.
-    #[error("{}; points have 1, 2 or 3 columns and, if a header names it, a column w of weights", plural(*.found, "column"))]
+    #[error("{}; points have 1, 2 or 3 columns and, if a header names it, a column w of weights{}", plural(*.found, "column"), choose(.columns))]
     Dimension {
         /// Columns of coordinates found.
         found: usize,
+        /// Columns that hold numbers, as they are named on the command line.
+        columns: Option<String>,
+    },
+    /// The names of the columns do not say which are the coordinates.
+    #[error("the columns {names} do not say which are coordinates{}", choose(.columns))]
+    Unnamed {
+        /// The names.
+        names: String,
+        /// Columns that hold numbers, as they are named on the command line.
+        columns: Option<String>,
+    },
+    /// Columns u, v and w.
+    #[error(
+        "u, v and w are three coordinates, or two and a weight; say which with --columns u,v,w or --columns u,v --weight-column w"
+    )]
+    ThirdOrWeight,
+    /// A column that was asked for is not there.
+    #[error("there is no column {wanted:?}; {known}")]
+    NoColumn {
+        /// The column that was asked for.
+        wanted: String,
+        /// What there is.
+        known: String,
+    },
+    /// A column was asked for twice.
+    #[error("the column {wanted:?} is chosen twice; name each column once")]
+    ColumnTwice {
+        /// The column.
+        wanted: String,
+    },
+    /// Decimal points and decimal commas in one file.
+    #[error("{column} is {text:?}, but numbers above have decimal commas; write decimals with a point")]
+    Decimal {
+        /// Name of the column.
+        column: String,
+        /// What stands there, cut to a readable length.
+        text: String,
+    },
+    /// A number does not fit the type that the header gives it.
+    #[error(
+        "{column} is {text}, which the type {kind} of the header cannot hold; write the file again with a type that can"
+    )]
+    OutsideType {
+        /// Name of the column.
+        column: String,
+        /// What stands there, cut to a readable length.
+        text: String,
+        /// The type.
+        kind: &'static str,
+    },
+    /// A carriage return alone among other line ends.
+    #[error("a carriage return stands alone among other line ends; save the file with one kind of line end")]
+    LoneReturn,
+    /// Bytes after the last point.
+    #[error("{} after the last point; remove what does not belong to the file or write it again", plural(*.found, "byte"))]
+    Trailing {
+        /// How many.
+        found: usize,
+    },
+    /// More points than were asked for at most.
+    #[error("more than {limit} points{}; {advice}", .found.map_or_else(String::new, |found| format!(" ({found})")))]
+    TooMany {
+        /// Number of points, where it is known.
+        found: Option<usize>,
+        /// The limit.
+        limit: usize,
+        /// What to do.
+        advice: String,
+    },
+    /// A compressed file that unpacks to too much.
+    #[error("it unpacks to more than {limit} {what}; {advice}")]
+    Unpacks {
+        /// The limit.
+        limit: usize,
+        /// What is counted.
+        what: &'static str,
+        /// What to do.
+        advice: &'static str,
+    },
+    /// Compressed data are damaged.
+    #[error("the compressed data are damaged: {what}; write the file again")]
+    Packed {
+        /// What is wrong.
+        what: String,
     },
     /// The header contradicts the format.
     #[error("the header {what}; write the file again with a tool that knows the format")]
@@ -186,12 +277,16 @@ pub enum Fault {
         advice: &'static str,
     },
     /// An image has no pixel on the chosen side of the threshold.
-    #[error("no pixel is foreground, that is {side} grey {threshold}; choose the other side or another threshold")]
+    #[error(
+        "no pixel is foreground, that is {side} grey {threshold}; choose the other side with --foreground {other} or another threshold with --threshold"
+    )]
     NoForeground {
         /// The side of the threshold.
         side: &'static str,
         /// The threshold.
         threshold: u8,
+        /// Name of the other side.
+        other: &'static str,
     },
     /// The image cannot be decoded.
     #[error("the image cannot be decoded: {0}; save it again as PNG")]
@@ -209,6 +304,10 @@ pub enum Fault {
 
 fn suggest(suggestion: &Option<&'static str>) -> String {
     suggestion.map_or_else(String::new, |name| format!(" (did you mean {name:?}?)"))
+}
+
+fn choose(columns: &Option<String>) -> String {
+    columns.as_ref().map_or_else(String::new, |columns| format!("; choose them with --columns {columns}"))
 }
 
 fn plural(number: usize, noun: &str) -> String {

@@ -1,74 +1,23 @@
 //! From rows of named columns to points.
 
-use cfpose::Points;
+use cfpose::{Attribute, Points};
 
-use crate::error::{Fault, Flaw, Place, excerpt};
+use crate::columns::{Layout, list};
+use crate::error::{Fault, Flaw, Place};
+use crate::options::{Invalid, ReadOptions};
 
 /// What a reader makes of the bytes of a file.
 #[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub struct PointTable {
-    /// The points.
+    /// The points; normals, where the file has them, are their attribute `normal`.
     pub points: Points,
     /// Names of the coordinates, then `w` if the file has weights.
     pub columns: Vec<String>,
-}
-
-/// Which columns of a row are the coordinates and which the weight.
-#[derive(Debug, Clone)]
-pub(crate) struct Layout {
-    coordinates: Vec<(usize, String)>,
-    weight: Option<(usize, String)>,
-}
-
-impl Layout {
-    /// Choose by name, without regard to case: `w` is the weight; with a column `x`, the coordinates are `x`, `y`, `z`
-    /// wherever they stand, and all else is ignored; without one they are the columns in the order of the file.
-    pub(crate) fn by_name(names: &[String]) -> Result<Self, Fault> {
-        let lower: Vec<String> = names.iter().map(|name| name.trim().to_lowercase()).collect();
-        let find = |wanted: &str| -> Result<Option<usize>, Fault> {
-            let mut places = lower.iter().enumerate().filter(|(_, name)| *name == wanted).map(|(index, _)| index);
-            match (places.next(), places.next()) {
-                (Some(_), Some(_)) => Err(Fault::Header { what: format!("names {wanted} twice") }),
-                (place, _) => Ok(place),
-            }
-        };
-        let weight = find("w")?;
-        let xyz = [find("x")?, find("y")?, find("z")?];
-        if let [Some(_), None, Some(_)] = xyz {
-            return Err(Fault::Header { what: "names x and z and no y".to_string() });
-        }
-        let chosen: Vec<usize> = if xyz[0].is_some() {
-            xyz.into_iter().flatten().collect()
-        } else {
-            (0..names.len()).filter(|index| Some(*index) != weight).collect()
-        };
-        // Names appear in messages of one line.
-        let named = |index: usize| (index, excerpt(names[index].trim()).escape_debug().to_string());
-        Self::checked(chosen.into_iter().map(named).collect(), weight.map(named))
-    }
-
-    /// Choose by name as [`Layout::by_name`], and insist on a column `x`.
-    pub(crate) fn by_xyz(names: &[String], what: &str) -> Result<Self, Fault> {
-        if names.iter().any(|name| name.eq_ignore_ascii_case("x")) {
-            Self::by_name(names)
-        } else {
-            Err(Fault::Header { what: format!("names no {what} x") })
-        }
-    }
-
-    /// Take all columns of a file without names.
-    pub(crate) fn anonymous(columns: usize) -> Result<Self, Fault> {
-        let name = |index: usize| (index, ["x", "y", "z"].get(index).unwrap_or(&"").to_string());
-        Self::checked((0..columns).map(name).collect(), None)
-    }
-
-    fn checked(coordinates: Vec<(usize, String)>, weight: Option<(usize, String)>) -> Result<Self, Fault> {
-        match coordinates.len() {
-            0 => Err(Fault::Header { what: "names a weight and no coordinate".to_string() }),
-            1..=3 => Ok(Self { coordinates, weight }),
-            found => Err(Fault::Dimension { found }),
-        }
-    }
+    /// Rows that were skipped because they are not finite.
+    pub skipped: usize,
+    /// What a reader should know about the reading, one line each.
+    pub notes: Vec<String>,
 }
 
 /// Gathers rows into columns and checks every value where its place in the file is known.
@@ -76,43 +25,116 @@ pub(crate) struct Gather {
     layout: Layout,
     columns: Vec<Vec<f64>>,
     weights: Vec<f64>,
+    normals: Vec<Vec<f64>>,
+    invalid: Invalid,
+    most: usize,
+    organised: bool,
+    skipped: usize,
+    notes: Vec<String>,
 }
 
 impl Gather {
     /// Start without rows; nothing is reserved, whatever a header says.
-    pub(crate) fn new(layout: Layout) -> Self {
-        Self { columns: vec![Vec::new(); layout.coordinates.len()], layout, weights: Vec::new() }
+    pub(crate) fn new(layout: Layout, options: &ReadOptions) -> Self {
+        Self {
+            columns: vec![Vec::new(); layout.coordinates.len()],
+            normals: vec![Vec::new(); layout.normal.len()],
+            weights: Vec::new(),
+            invalid: options.invalid,
+            most: options.max_points.unwrap_or(usize::MAX),
+            organised: false,
+            skipped: 0,
+            notes: Vec::new(),
+            layout,
+        }
     }
 
-    /// Return the number of rows so far.
-    pub(crate) fn len(&self) -> usize {
-        self.columns[0].len()
+    /// State that the rows are a grid in which a point may be missing.
+    pub(crate) fn organised(self, organised: bool) -> Self {
+        Self { organised, ..self }
+    }
+
+    /// Return the number of rows so far, those that were skipped with them.
+    pub(crate) fn rows(&self) -> usize {
+        self.columns[0].len() + self.skipped
+    }
+
+    /// Take memory for so many rows, which the file is known to hold, and for the padding of their last block.
+    pub(crate) fn reserve(&mut self, rows: usize) {
+        let padded = rows.next_multiple_of(64);
+        self.columns.iter_mut().for_each(|column| column.reserve_exact(padded));
+    }
+
+    /// Say something that the reader should know.
+    pub(crate) fn note(&mut self, note: String) {
+        self.notes.push(note);
     }
 
     /// Append one row; `value` gives the number in a column (from 0, as in the file) under its name.
+    #[inline]
     pub(crate) fn push(&mut self, at: Place, value: impl Fn(usize, &str) -> Result<f64, Fault>) -> Result<(), Flaw> {
         let fail = |fault| Flaw::new(at, fault);
-        for ((index, name), column) in self.layout.coordinates.iter().zip(&mut self.columns) {
-            let value = value(*index, name).map_err(fail)?;
-            if !value.is_finite() {
-                return Err(fail(Fault::NotFinite { column: name.clone(), value }));
-            }
-            column.push(value);
+        let mut row = [0.0; 3];
+        for (slot, (index, name)) in row.iter_mut().zip(&self.layout.coordinates) {
+            *slot = value(*index, name).map_err(fail)?;
         }
+        let row = &row[..self.columns.len()];
+        if !row.iter().all(|x| x.is_finite()) {
+            return self.invalid(row).map_err(fail);
+        }
+        let mut weight = 1.0;
         if let Some((index, name)) = &self.layout.weight {
-            let value = value(*index, name).map_err(fail)?;
-            if !(value.is_finite() && value >= 0.0) {
-                return Err(fail(Fault::Weight { column: name.clone(), value }));
+            weight = value(*index, name).map_err(fail)?;
+            if !weight.is_finite() && self.invalid == Invalid::Skip {
+                self.skipped += 1;
+                return Ok(());
             }
-            self.weights.push(value);
+            if !(weight.is_finite() && weight >= 0.0) {
+                return Err(fail(Fault::Weight { column: name.clone(), value: weight }));
+            }
         }
+        if self.columns[0].len() >= self.most {
+            let advice = "raise --max-points or give a smaller file".to_string();
+            return Err(fail(Fault::TooMany { found: None, limit: self.most, advice }));
+        }
+        for ((index, name), column) in self.layout.normal.iter().zip(&mut self.normals) {
+            column.push(value(*index, name).map_err(fail)?);
+        }
+        if self.layout.weight.is_some() {
+            self.weights.push(weight);
+        }
+        row.iter().zip(&mut self.columns).for_each(|(x, column)| column.push(*x));
+        Ok(())
+    }
+
+    /// Skip or refuse a row that is not finite.
+    fn invalid(&mut self, row: &[f64]) -> Result<(), Fault> {
+        let missing = self.organised || row.iter().all(|x| x.is_nan());
+        let refuse = match self.invalid {
+            Invalid::Missing => !missing,
+            Invalid::Skip => false,
+            Invalid::Refuse => true,
+        };
+        let wrong = (0..row.len()).find(|k| !row[*k].is_finite()).filter(|_| refuse);
+        if let Some(k) = wrong {
+            return Err(Fault::NotFinite { column: self.layout.coordinates[k].1.clone(), value: row[k] });
+        }
+        self.skipped += 1;
         Ok(())
     }
 
     /// Make points of the rows.
-    pub(crate) fn finish(self) -> Result<PointTable, Flaw> {
+    pub(crate) fn finish(mut self) -> Result<PointTable, Flaw> {
         if self.columns[0].is_empty() {
             return Err(Fault::NoPoints.into());
+        }
+        if self.skipped > 0 {
+            let rows = self.rows();
+            let how = if self.invalid == Invalid::Missing { "; --invalid refuse makes them an error" } else { "" };
+            self.notes.push(format!("{} of {rows} rows have no finite coordinates and are skipped{how}", self.skipped));
+        }
+        if !self.layout.ignored.is_empty() {
+            self.notes.push(format!("columns not read: {}", list(&self.layout.ignored)));
         }
         let mut columns: Vec<String> = self.layout.coordinates.into_iter().map(|(_, name)| name).collect();
         let points = match self.layout.weight {
@@ -122,6 +144,20 @@ impl Gather {
                 Points::weighted(self.columns, self.weights)
             }
         };
-        Ok(PointTable { points: points.map_err(Fault::from)?, columns })
+        let mut points = points.map_err(Fault::from)?;
+        if !self.normals.is_empty() {
+            let normals = &self.normals;
+            let usable = |k: usize| {
+                normals.iter().all(|column| column[k].is_finite()) && normals.iter().any(|column| column[k] != 0.0)
+            };
+            let unusable = (0..points.len()).filter(|k| !usable(*k)).count();
+            if unusable == 0 {
+                points = points.with_attribute("normal", Attribute::Vector(self.normals)).map_err(Fault::from)?;
+            } else {
+                let len = points.len();
+                self.notes.push(format!("normals are not read: {unusable} of {len} are zero or not finite"));
+            }
+        }
+        Ok(PointTable { points, columns, skipped: self.skipped, notes: self.notes })
     }
 }

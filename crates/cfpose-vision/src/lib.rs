@@ -8,8 +8,15 @@
 //! * Any content gives points or a [`FileError`] of one line: file, line or row, what is wrong, what to do. Nothing panics.
 //! * A header is a claim. Nothing is allocated for what it says: a file that claims 10^15 points and holds ten fails at
 //!   once, and memory is bounded by a small multiple of the file's size.
-//! * NaN and infinite values are bad input in every format, also where a format uses them to mark missing points.
-//! * A column or property named `w` is the weight of the point.
+//! * A row whose coordinates are all NaN is a missing point, skipped and counted; in an organised cloud so is every row
+//!   that is not finite. Elsewhere values that are not finite are bad input; [`Invalid`] chooses otherwise.
+//! * Columns are found by their names (`x [m]`, `pos_y`, `Points:1`, easting and northing), never by position against
+//!   them; names that say nothing are refused until [`ReadOptions::columns`] says which are meant.
+//! * A column or property named `w` is the weight of the point; nx, ny, nz are its attribute `normal`.
+//! * A file that contradicts itself is refused: bytes after the last point, elements, format lines or counts given twice,
+//!   values outside their type, a carriage return alone among other line ends.
+//! * Compressed files (`.gz`, `.npz`, compressed pcd, images) have limits on what they unpack to, so that reading takes at
+//!   most 64 MiB and 40 times the file's size, of an image 32 bytes a pixel instead.
 //!
 //! The readers are written here rather than taken from the crates that exist for the formats, because those cannot keep
 //! these promises: `ply-rs-bw` 4 stores elements without properties as often as the header claims, and two properties
@@ -34,16 +41,25 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+mod bytes;
 mod camera;
+mod columns;
 mod cursor;
 mod error;
 pub mod formats;
 mod fuzz;
 mod gather;
+mod lines;
+mod lookup;
 mod mesh;
+mod options;
 mod poses;
 mod read;
+mod rows;
 mod scalar;
+mod triangles;
+mod unpack;
+mod words;
 mod write;
 
 pub use camera::Camera;
@@ -51,7 +67,9 @@ pub use error::{Fault, FileError, Flaw, Place};
 pub use formats::{FORMATS, Format};
 pub use fuzz::fuzz_one;
 pub use gather::PointTable;
+pub use lookup::{format_named, format_of};
 pub use mesh::{Mesh, read_mesh};
+pub use options::{Foreground, Invalid, MASK_POINTS, ReadOptions, Threshold};
 pub use poses::{PoseFormat, StampedPose, read_poses};
-pub use read::{Foreground, PointFile, ReadOptions, format_of, read_points};
+pub use read::{PointFile, read_points};
 pub use write::write_points;

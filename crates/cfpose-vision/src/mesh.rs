@@ -2,9 +2,11 @@
 
 use std::path::Path;
 
+use crate::bytes::read_bytes;
 use crate::error::{Fault, FileError, Flaw};
-use crate::formats::{obj, ply};
-use crate::read::{ReadOptions, format_of, read_bytes};
+use crate::formats::{obj, ply, stl};
+use crate::options::{Invalid, ReadOptions};
+use crate::read::{choose, read_as, unpacked};
 
 /// Vertices and triangles of a file; without triangles it is a cloud.
 #[derive(Debug, Clone, PartialEq)]
@@ -15,7 +17,7 @@ pub struct Mesh {
     pub triangles: Vec<[usize; 3]>,
 }
 
-/// Read a mesh: faces of `.obj` and `.ply` files, polygons split into fans; other formats hold points alone.
+/// Read a mesh: faces of `.obj`, `.ply` and `.stl` files, polygons split into fans; other formats hold points alone.
 ///
 /// # Errors
 /// [`FileError`]: as [`crate::read_points`], points that are not 3-D, and faces that name no vertex.
@@ -31,9 +33,12 @@ pub struct Mesh {
 /// ```
 pub fn read_mesh(path: &Path) -> Result<Mesh, FileError> {
     let fail = |flaw: Flaw| flaw.in_file(path);
-    let format = format_of(path).map_err(|fault| fail(fault.into()))?;
+    // Faces count vertices as they stand in the file, so none may be skipped.
+    let options = ReadOptions { invalid: Invalid::Refuse, ..ReadOptions::default() };
+    let format = choose(path, &options).map_err(|fault| fail(fault.into()))?;
     let bytes = read_bytes(path).map_err(|fault| fail(fault.into()))?;
-    let points = (format.read)(&bytes, &ReadOptions::default()).map_err(fail)?.points;
+    let points = read_as(format, &bytes, &options).map_err(fail)?.points;
+    let bytes = unpacked(&bytes).map_err(|fault| fail(fault.into()))?;
     if points.dim() != 3 {
         let what = format!("a mesh of points with {} coordinate(s)", points.dim());
         return Err(fail(Fault::Unsupported { what, advice: "give points with x, y and z" }.into()));
@@ -41,20 +46,11 @@ pub fn read_mesh(path: &Path) -> Result<Mesh, FileError> {
     let triangles = match format.name {
         "obj" => obj::triangles(&bytes, points.len()),
         "ply" => ply::triangles(&bytes, points.len()),
+        "stl" => stl::triangles(&bytes, points.len()),
         _ => Ok(Vec::new()),
     };
     let vertices = (0..points.len()).map(|k| points.point(k)).collect();
     Ok(Mesh { vertices, triangles: triangles.map_err(fail)? })
-}
-
-/// Split a polygon into the triangles around its first vertex and check its indices.
-pub(crate) fn push_fan(triangles: &mut Vec<[usize; 3]>, polygon: &[usize], num_vertices: usize) -> Result<(), Fault> {
-    if let Some(wrong) = polygon.iter().find(|index| **index >= num_vertices) {
-        let what = format!("the face names vertex number {}, of {num_vertices}", wrong.saturating_add(1));
-        return Err(Fault::Face { what });
-    }
-    triangles.extend(polygon.windows(2).skip(1).map(|pair| [polygon[0], pair[0], pair[1]]));
-    Ok(())
 }
 
 #[cfg(test)]

@@ -1,51 +1,21 @@
 //! The entry point of reading: from a path to points.
 
+use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 
 use cfpose::Points;
 
+use crate::bytes::{is_piped, read_bytes};
 use crate::error::{Fault, FileError, Flaw};
-use crate::formats::{FORMATS, Format};
-
-/// Which pixels of a mask are its points.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Foreground {
-    /// The side, bright or dark, to which at most half of the pixels on the image's border belong; bright if that is
-    /// true of both.
-    #[default]
-    Auto,
-    /// Pixels above the threshold.
-    Bright,
-    /// Pixels at or below the threshold.
-    Dark,
-}
-
-/// What a reader may be told.
-///
-/// ```
-/// use cfpose_vision::{Foreground, ReadOptions};
-/// let options = ReadOptions { foreground: Foreground::Dark, ..ReadOptions::default() };
-/// assert_eq!((options.threshold, options.min_distinct), (127, 2));
-/// ```
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct ReadOptions {
-    /// Which pixels of a mask are its points.
-    pub foreground: Foreground,
-    /// Largest grey value (0 to 255) that still counts as dark.
-    pub threshold: u8,
-    /// Number of points, not all equal, that the file must hold at least; 0 and 1 accept any file with a point.
-    pub min_distinct: usize,
-}
-
-impl Default for ReadOptions {
-    /// Automatic foreground, threshold 127, at least two distinct points.
-    fn default() -> Self {
-        Self { foreground: Foreground::Auto, threshold: 127, min_distinct: 2 }
-    }
-}
+use crate::formats::Format;
+use crate::gather::PointTable;
+use crate::lookup::{GZIP, format_named, format_of, known};
+use crate::options::ReadOptions;
+use crate::unpack::{Unpacked, gunzip};
 
 /// The content of a point file.
 #[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub struct PointFile {
     /// The points, in the units of the file.
     pub points: Points,
@@ -55,9 +25,15 @@ pub struct PointFile {
     pub format: &'static str,
     /// The file as it was named.
     pub path: PathBuf,
+    /// Rows that were skipped because they are not finite; later rows of the file have a larger number than their point.
+    pub skipped: usize,
+    /// What a user should know about the reading, one line each.
+    pub notes: Vec<String>,
 }
 
-/// Read a point file; its extension, in any case, chooses the format.
+/// Read a point file; its extension, in any case, chooses the format, of which [`ReadOptions::format`] can name another.
+///
+/// A name that ends in `.gz` is unpacked; `-` is standard input.
 ///
 /// # Errors
 /// [`FileError`]: no such file, an unknown extension, or content that is not what the format asks for.
@@ -70,56 +46,46 @@ pub struct PointFile {
 /// ```
 pub fn read_points(path: &Path, options: &ReadOptions) -> Result<PointFile, FileError> {
     let fail = |flaw: Flaw| flaw.in_file(path);
-    let format = format_of(path).map_err(|fault| fail(fault.into()))?;
+    let format = choose(path, options).map_err(|fault| fail(fault.into()))?;
     let bytes = read_bytes(path).map_err(|fault| fail(fault.into()))?;
-    let table = (format.read)(&bytes, options).map_err(fail)?;
+    let table = read_as(format, &bytes, options).map_err(fail)?;
     table.points.require_spread(options.min_distinct).map_err(|error| fail(Fault::from(error).into()))?;
-    Ok(PointFile { points: table.points, columns: table.columns, format: format.name, path: path.to_path_buf() })
+    let PointTable { points, columns, skipped, notes } = table;
+    Ok(PointFile { points, columns, format: format.name, path: path.to_path_buf(), skipped, notes })
 }
 
-/// Find the format of a file name by its extension.
-///
-/// # Errors
-/// [`Fault::Extension`] with the nearest known extension and the list of all.
-pub fn format_of(path: &Path) -> Result<&'static Format, Fault> {
-    let found = path.extension().map(|ext| ext.to_string_lossy().to_lowercase()).unwrap_or_default();
-    if let Some(format) = FORMATS.iter().find(|format| format.extensions.contains(&found.as_str())) {
-        return Ok(format);
+/// Choose a format by what the options say, else by the extension.
+pub(crate) fn choose(path: &Path, options: &ReadOptions) -> Result<&'static Format, Fault> {
+    match &options.format {
+        Some(name) => format_named(name),
+        None if is_piped(path) => format_of(path).map_err(|_| Fault::NoFormat { known: known() }),
+        None => format_of(path),
     }
-    let known: Vec<&'static str> = FORMATS.iter().flat_map(|format| format.extensions).copied().collect();
-    let nearest = known.iter().map(|name| (edit_distance(&found, name), *name)).min();
-    let suggestion = nearest.filter(|(distance, name)| *distance <= 2 && *distance < name.len()).map(|(_, name)| name);
-    Err(Fault::Extension { found: crate::error::excerpt(&found), suggestion, known: known.join(", ") })
 }
 
-/// Read a regular file whole: memory is then bounded by what the disk really holds.
-pub(crate) fn read_bytes(path: &Path) -> Result<Vec<u8>, Fault> {
-    let refuse = |error: std::io::Error| match error.kind() {
-        std::io::ErrorKind::NotFound => Fault::Missing,
-        _ => Fault::Io(error),
-    };
-    if !std::fs::metadata(path).map_err(refuse)?.is_file() {
-        return Err(Fault::NotAFile);
+/// Unpack the content of a file if it is a gzip file.
+pub(crate) fn unpacked(bytes: &[u8]) -> Result<Cow<'_, [u8]>, Fault> {
+    match bytes.starts_with(&[0x1f, 0x8b]) {
+        true => gunzip(bytes).map(Cow::Owned),
+        false => Ok(Cow::Borrowed(bytes)),
     }
-    let bytes = std::fs::read(path).map_err(refuse)?;
-    if bytes.is_empty() { Err(Fault::Empty) } else { Ok(bytes) }
 }
 
-/// Count the letters to insert, delete, replace or swap with a neighbour (optimal string alignment).
-fn edit_distance(a: &str, b: &str) -> usize {
-    let (a, b): (Vec<char>, Vec<char>) = (a.chars().take(16).collect(), b.chars().collect());
-    let mut table = vec![vec![0usize; b.len() + 1]; a.len() + 1];
-    for i in 0..=a.len() {
-        for j in 0..=b.len() {
-            table[i][j] = if i == 0 || j == 0 {
-                i + j
-            } else {
-                let replaced = table[i - 1][j - 1] + usize::from(a[i - 1] != b[j - 1]);
-                let moved = replaced.min(table[i - 1][j] + 1).min(table[i][j - 1] + 1);
-                let swapped = i > 1 && j > 1 && a[i - 1] == b[j - 2] && a[i - 2] == b[j - 1];
-                if swapped { moved.min(table[i - 2][j - 2] + 1) } else { moved }
-            };
+/// Read the content of a file, compressed or not, within memory that its size bounds.
+pub(crate) fn read_as(format: &Format, bytes: &[u8], options: &ReadOptions) -> Result<PointTable, Flaw> {
+    let Cow::Owned(plain) = unpacked(bytes)? else { return (format.read)(bytes, options) };
+    let limit = Unpacked::of(bytes.len());
+    // A mask has a limit of its own, and an archive in an archive unpacks twice.
+    if ["mask", "npz"].contains(&format.name) {
+        let what = format!("a {} file within a {GZIP} file", format.name);
+        return Err(Fault::Unsupported { what, advice: "unpack it first (gunzip)" }.into());
+    }
+    let within = options.max_points.is_none_or(|most| most > limit.points);
+    let most = if within { Some(limit.points) } else { options.max_points };
+    (format.read)(&plain, &ReadOptions { max_points: most, ..options.clone() }).map_err(|flaw| match flaw.fault {
+        Fault::TooMany { .. } if within => {
+            Fault::Unpacks { limit: limit.points, what: "points", advice: "unpack it first (gunzip)" }.into()
         }
-    }
-    table[a.len()][b.len()]
+        _ => flaw,
+    })
 }

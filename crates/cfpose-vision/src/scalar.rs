@@ -7,7 +7,7 @@ pub(crate) enum Scalar {
     Signed(usize),
     /// Unsigned integer of 1, 2, 4 or 8 bytes.
     Unsigned(usize),
-    /// IEEE number of 4 or 8 bytes.
+    /// IEEE number of 2, 4 or 8 bytes.
     Float(usize),
 }
 
@@ -16,6 +16,35 @@ impl Scalar {
     pub(crate) fn size(self) -> usize {
         match self {
             Self::Signed(size) | Self::Unsigned(size) | Self::Float(size) => size,
+        }
+    }
+
+    /// Return the name of the type.
+    pub(crate) fn name(self) -> &'static str {
+        match self {
+            Self::Signed(1) => "int8",
+            Self::Signed(2) => "int16",
+            Self::Signed(4) => "int32",
+            Self::Signed(_) => "int64",
+            Self::Unsigned(1) => "uint8",
+            Self::Unsigned(2) => "uint16",
+            Self::Unsigned(4) => "uint32",
+            Self::Unsigned(_) => "uint64",
+            Self::Float(2) => "float16",
+            Self::Float(4) => "float32",
+            Self::Float(_) => "float64",
+        }
+    }
+
+    /// Say whether a number that is written in text can be of this type: whole and in range, or not beyond the largest.
+    pub(crate) fn holds(self, value: f64) -> bool {
+        let bits = 8 * self.size() as i32;
+        match self {
+            Self::Signed(_) => value.fract() == 0.0 && value >= -(2f64.powi(bits - 1)) && value < 2f64.powi(bits - 1),
+            Self::Unsigned(_) => value.fract() == 0.0 && value >= 0.0 && value < 2f64.powi(bits),
+            // A value that rounds to the largest one is held; what is not finite is looked at elsewhere.
+            Self::Float(4) => !value.is_finite() || (value as f32).is_finite(),
+            Self::Float(_) => true,
         }
     }
 
@@ -31,6 +60,9 @@ impl Scalar {
         // Most significant byte first, so that one loop serves every width.
         let byte = |index: usize| u64::from(if big_endian { bytes[index] } else { bytes[size - 1 - index] });
         let bits = (0..size).fold(0u64, |bits, index| (bits << 8) | byte(index));
+        if size == 2 && matches!(self, Self::Float(_)) {
+            return Some(half(bits as u16));
+        }
         let shift = 64 - 8 * size as u32;
         match self {
             Self::Signed(_) => Some((((bits << shift) as i64) >> shift) as f64),
@@ -40,6 +72,18 @@ impl Scalar {
             Self::Float(_) => None,
         }
     }
+}
+
+/// Decode an IEEE number of 16 bits: 1 of sign, 5 of exponent with a bias of 15, 10 of fraction.
+fn half(bits: u16) -> f64 {
+    let (exponent, fraction) = (i32::from(bits >> 10 & 31), f64::from(bits & 1023));
+    let size = match exponent {
+        0 => fraction * 2f64.powi(-24),
+        31 if fraction == 0.0 => f64::INFINITY,
+        31 => f64::NAN,
+        _ => (1.0 + fraction / 1024.0) * 2f64.powi(exponent - 15),
+    };
+    if bits >> 15 == 1 { -size } else { size }
 }
 
 #[cfg(test)]
@@ -63,6 +107,26 @@ mod tests {
             assert_eq!(Scalar::Float(8).decode(&f64::from(value).to_le_bytes(), false), Some(f64::from(value)));
         }
         assert_eq!(Scalar::Float(8).decode(&[0; 7], false), None);
-        assert_eq!(Scalar::Float(2).decode(&[0; 7], false), None);
+        for (bits, value) in [
+            (0x3c00, 1.0),
+            (0xc000, -2.0),
+            (0x7bff, 65504.0),
+            (0x0001, 2f64.powi(-24)),
+            (0x3555, 0.333251953125),
+            (0xfc00, f64::NEG_INFINITY),
+        ] {
+            assert_eq!(Scalar::Float(2).decode(&u16::to_le_bytes(bits), false), Some(value));
+        }
+        assert!(Scalar::Float(2).decode(&[0x7e, 0], true).unwrap().is_nan());
+        assert_eq!(Scalar::Float(3).decode(&[0; 7], false), None);
+    }
+
+    #[test]
+    fn a_type_holds_what_it_can_represent() {
+        assert!(Scalar::Unsigned(1).holds(255.0) && !Scalar::Unsigned(1).holds(256.0));
+        assert!(!Scalar::Unsigned(4).holds(-1.0) && !Scalar::Signed(2).holds(0.5));
+        assert!(Scalar::Signed(1).holds(-128.0) && !Scalar::Signed(1).holds(128.0));
+        assert!(Scalar::Float(4).holds(3.4e38) && !Scalar::Float(4).holds(1e39) && Scalar::Float(8).holds(1e39));
+        assert!(!Scalar::Signed(4).holds(f64::NAN) && Scalar::Float(4).holds(f64::NAN));
     }
 }

@@ -2,6 +2,10 @@
 //!
 //! One test in a process of its own, because it looks at the memory that the process ever asked for.
 
+mod common;
+
+use std::time::Instant;
+
 use cfpose::Points;
 use cfpose_vision::{FORMATS, fuzz_one};
 use image::{DynamicImage, GrayImage, ImageFormat, Luma};
@@ -25,14 +29,52 @@ fn seeds() -> Vec<Vec<u8>> {
     seeds.push([pcd.as_bytes(), b"binary\n", &body].concat());
     let packed = [&[31][..], &body[..32], &[3], &body[32..]].concat();
     seeds.push([pcd.as_bytes(), b"binary_compressed\n", &[38, 0, 0, 0, 36, 0, 0, 0], &packed].concat());
-    let image = DynamicImage::from(GrayImage::from_fn(16, 16, |x, y| Luma([if x > 3 && y > 5 { 255 } else { 0 }])));
-    for format in [ImageFormat::Png, ImageFormat::Jpeg] {
-        let mut bytes = std::io::Cursor::new(Vec::new());
-        image.write_to(&mut bytes, format).unwrap();
-        seeds.push(bytes.into_inner());
+    seeds.extend([ImageFormat::Png, ImageFormat::Jpeg].map(silhouette));
+    let three = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 2.0]];
+    seeds.push(common::stl(&[three]));
+    seeds.push(b"solid a\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 2\nendloop\nendfacet\nendsolid\n".to_vec());
+    seeds.extend((2..=4).map(|minor| common::las(minor, &[[1, 2, 3], [4, 5, 6]])));
+    let doubles = |shape: &str| common::npy_f8(shape, &[1.0, 2.0, 3.0, 4.0, 5.0, 6.0]);
+    seeds.push(doubles("(2, 1, 3)"));
+    let item = [1.0f64.to_le_bytes(), 2.0f64.to_le_bytes()].concat();
+    seeds.push(common::npy("[('y', '<f4'), ('', '|V4'), ('x', '>f8')]", "(2,)", &item.repeat(2)));
+    for deflated in [false, true] {
+        seeds.push(common::zip(&[("a.npy", doubles("(2, 3)"))], deflated));
+        seeds.push(common::zip(&[("x.npy", doubles("(6,)")), ("y.npy", doubles("(6,)"))], deflated));
+    }
+    for text in TEXTS {
+        seeds.push(text.as_bytes().to_vec());
+        seeds.push(common::gzip(text.as_bytes()));
     }
     seeds
 }
+
+/// A small image of one figure.
+fn silhouette(format: ImageFormat) -> Vec<u8> {
+    let image = DynamicImage::from(GrayImage::from_fn(16, 16, |x, y| Luma([if x > 3 && y > 5 { 255 } else { 0 }])));
+    let mut bytes = std::io::Cursor::new(Vec::new());
+    image.write_to(&mut bytes, format).unwrap();
+    bytes.into_inner()
+}
+
+/// Text as other programs write it.
+const TEXTS: [&str; 6] = [
+    "Points:1 [m],Points:0,Normals:0,Normals:1,id\n1,2,0,1,a\n3,4,1,0,b\n",
+    "\u{feff}northing;height;easting;w\r\n1,5;2;3;1\r\n4,25;5;6;0,5\r\nnan;nan;nan;1\r\n",
+    "2\n1 2 3 -7 1 2 3\n4 5 6 -7 1 2 3\n",
+    "//X Y Z Intensity\n1 2 3 4\n5 6 7 8\n",
+    ",\"x, m\",y\n0,1,\"2\"\n1,3,4\n",
+    "x\ty\tname\r1\t2\ta b\r3\t4\t\r",
+];
+
+/// Pose files of every form.
+const POSES: [&str; 5] = [
+    "1 0 0 1\n0 1 0 2\n0 0 1 3\n0 0 0 1\n",
+    "# time tx ty tz qx qy qz qw\n0.5 1 2 3 0 0 0 1\n1.5 1 2 3 0 0 1 0\n",
+    "\u{feff}time,x,y,z,q_w [],q_x [],q_y [],q_z []\r\n1,2,3,4,1,0,0,0\r\n",
+    "1 0 0 1 0 1 0 2 0 0 1 3\n",
+    "[{\"matrix\": [[1,0,0,1],[0,1,0,2],[0,0,1,3],[0,0,0,1]]}, {\"rotation\": [[1,0,0],[0,1,0],[0,0,1]], \"translation\": [1,2,3], \"time\": 1}]",
+];
 
 /// Words that a damaged header may hold.
 const WORDS: [&str; 14] = [
@@ -111,7 +153,7 @@ fn boasts() -> Vec<Vec<u8>> {
         [b"\x93NUMPY\x01\x00", &(dict.len() as u16).to_le_bytes()[..], dict.as_bytes(), &[0; 24]].concat()
     };
     let pcd = |head: &str| format!("FIELDS x\nSIZE 4\nTYPE F\n{head}").into_bytes();
-    let mut jpeg = seeds().pop().unwrap();
+    let mut jpeg = silhouette(ImageFormat::Jpeg);
     // The frame header: marker, length, depth, then height and width.
     let frame = jpeg.windows(2).position(|pair| pair == [0xff, 0xc0]).unwrap();
     jpeg[frame + 5..frame + 9].fill(0xff);
@@ -147,7 +189,9 @@ fn no_bytes_make_a_reader_panic_or_take_memory_for_a_claim() {
         assert!(refused, "{:?}", String::from_utf8_lossy(&boast));
         fuzz_one(&[&[127], &boast[..]].concat());
     }
-    let config = Config { cases: 20_000, failure_persistence: None, ..Config::default() };
+    // More than the default for a long run: CFPOSE_FUZZ_CASES=1000000.
+    let cases = std::env::var("CFPOSE_FUZZ_CASES").ok().and_then(|text| text.parse().ok()).unwrap_or(200_000u32);
+    let config = Config { cases: cases / 10, failure_persistence: None, ..Config::default() };
     let rng = || TestRng::deterministic_rng(RngAlgorithm::ChaCha);
     let random = prop::collection::vec(any::<u8>(), 0..300);
     TestRunner::new_with_rng(config.clone(), rng())
@@ -156,20 +200,28 @@ fn no_bytes_make_a_reader_panic_or_take_memory_for_a_claim() {
             Ok(())
         })
         .unwrap();
-    let seeds = seeds();
+    let mut seeds = seeds();
     for seed in &seeds {
+        let gzipped = seed.starts_with(&[0x1f, 0x8b]);
         let read = FORMATS.iter().filter(|format| (format.read)(seed, &Default::default()).is_ok()).count();
-        assert!(read >= 1, "a seed is a valid file: {:?}", String::from_utf8_lossy(seed));
+        assert!(read >= 1 || gzipped, "a seed is a valid file: {:?}", String::from_utf8_lossy(seed));
     }
+    seeds.extend(POSES.map(|text| text.as_bytes().to_vec()));
     let damaged = (0..seeds.len(), any::<u8>(), prop::collection::vec(damage(), 1..5));
-    let mut runner = TestRunner::new_with_rng(Config { cases: 200_000, ..config }, rng());
+    let slowest = std::cell::Cell::new(0.0f64);
+    let mut runner = TestRunner::new_with_rng(Config { cases, ..config }, rng());
     let run = runner.run(&damaged, |(seed, choice, damages)| {
         let mut bytes = seeds[seed].clone();
         damages.iter().for_each(|damage| apply(&mut bytes, damage));
+        let start = Instant::now();
         fuzz_one(&[&[choice], &bytes[..]].concat());
+        slowest.set(slowest.get().max(start.elapsed().as_secs_f64()));
         Ok(())
     });
     run.unwrap();
+    let slowest = slowest.get();
+    println!("{cases} damaged files; the slowest took {slowest:.3} s in all readers");
+    assert!(slowest < 1.0, "{slowest} s");
     if let (Some(before), Some(after)) = (before, peak_kb()) {
         assert!(after - before < 64 * 1024, "memory grew from {before} to {after} kB");
     }

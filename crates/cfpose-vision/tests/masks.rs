@@ -1,6 +1,6 @@
 //! Which pixels of an image are its points.
 
-use cfpose_vision::{FORMATS, Foreground, PointTable, ReadOptions};
+use cfpose_vision::{FORMATS, Foreground, PointTable, ReadOptions, Threshold};
 use image::{DynamicImage, GrayImage, ImageFormat, Luma, Rgba, RgbaImage};
 
 fn read(bytes: &[u8], options: ReadOptions) -> Result<PointTable, String> {
@@ -45,11 +45,59 @@ fn options_override_the_rule_of_masks() {
     let bytes = encode(GrayImage::from_fn(5, 4, |x, _| Luma([50 * x as u8])), ImageFormat::Png);
     let count = |options: ReadOptions| read(&bytes, options).map(|table| table.points.len());
     let default = ReadOptions::default();
-    assert_eq!(count(ReadOptions { foreground: Foreground::Bright, ..default }).unwrap(), 8);
-    assert_eq!(count(ReadOptions { foreground: Foreground::Dark, ..default }).unwrap(), 12);
-    assert_eq!(count(ReadOptions { foreground: Foreground::Bright, threshold: 49, ..default }).unwrap(), 16);
-    assert_eq!(count(default).unwrap(), 8, "6 of the 14 pixels on the border are bright");
-    let none = count(ReadOptions { foreground: Foreground::Bright, threshold: 255, ..default }).unwrap_err();
-    let message = "no pixel is foreground, that is above grey 255; choose the other side or another threshold";
+    assert_eq!(count(ReadOptions { foreground: Foreground::Bright, ..default.clone() }).unwrap(), 8);
+    assert_eq!(count(ReadOptions { foreground: Foreground::Dark, ..default.clone() }).unwrap(), 12);
+    assert_eq!(
+        count(ReadOptions { foreground: Foreground::Bright, threshold: Threshold::Grey(49), ..default.clone() })
+            .unwrap(),
+        16
+    );
+    assert_eq!(count(default.clone()).unwrap(), 8, "6 of the 14 pixels on the border are bright");
+    let none =
+        count(ReadOptions { foreground: Foreground::Bright, threshold: Threshold::Grey(255), ..default.clone() })
+            .unwrap_err();
+    let message = "no pixel is foreground, that is above grey 255; choose the other side with --foreground dark or another \
+                   threshold with --threshold";
     assert_eq!(none, message);
+}
+
+#[test]
+fn an_image_of_labels_is_read_as_one_and_says_so() {
+    let label = |x: u32| [0, 1, 2, 7][(x as usize).min(3)];
+    let bytes = encode(GrayImage::from_fn(5, 4, |x, _| Luma([label(x)])), ImageFormat::Png);
+    let table = read(&bytes, ReadOptions::default()).unwrap();
+    assert_eq!(table.points.len(), 16);
+    assert_eq!(table.notes, ["read as labels 0 to 7: points are the pixels above 0; --threshold T splits elsewhere"]);
+    let grey = |value: u8| ReadOptions {
+        threshold: Threshold::Grey(value),
+        foreground: Foreground::Bright,
+        ..ReadOptions::default()
+    };
+    assert_eq!(read(&bytes, grey(1)).unwrap().points.len(), 12);
+    let dark = ReadOptions { foreground: Foreground::Dark, ..ReadOptions::default() };
+    assert_eq!(read(&bytes, dark).unwrap().points.len(), 4);
+    // A photograph of dim grey values is none: its values are many.
+    let dim = encode(GrayImage::from_fn(80, 4, |x, _| Luma([x as u8])), ImageFormat::Png);
+    assert!(read(&dim, ReadOptions { foreground: Foreground::Bright, ..Default::default() }).is_err());
+}
+
+#[test]
+fn otsu_separates_two_heaps_of_grey_values() {
+    let image = GrayImage::from_fn(40, 40, |x, y| {
+        Luma([if (10..30).contains(&x) && (10..30).contains(&y) { 90 + (x % 7) as u8 } else { 30 + (y % 9) as u8 }])
+    });
+    let otsu = ReadOptions { threshold: Threshold::Otsu, ..ReadOptions::default() };
+    assert_eq!(read(&encode(image, ImageFormat::Png), otsu.clone()).unwrap().points.len(), 400);
+    let flat = encode(GrayImage::from_pixel(4, 4, Luma([200])), ImageFormat::Png);
+    let bright = ReadOptions { foreground: Foreground::Bright, ..otsu };
+    assert_eq!(read(&flat, bright).unwrap().points.len(), 16, "one value has no threshold of its own");
+}
+
+#[test]
+fn more_foreground_than_the_limit_is_refused_with_the_number_that_reads_it() {
+    let bytes = encode(GrayImage::from_pixel(2100, 2100, Luma([255])), ImageFormat::Png);
+    let bright = ReadOptions { foreground: Foreground::Bright, ..ReadOptions::default() };
+    let message = "more than 4194304 points (4410000); give --max-points 4410000 or reduce the image";
+    assert_eq!(read(&bytes, bright.clone()).unwrap_err(), message);
+    assert_eq!(read(&bytes, ReadOptions { max_points: Some(4_410_000), ..bright }).unwrap().points.len(), 4_410_000);
 }

@@ -32,7 +32,7 @@ fn files_that_are_not_there_or_not_point_files() {
             .starts_with("a.OBJJ: no format has the extension \"objj\" (did you mean \"obj\"?); known are csv, txt")
     );
     assert!(read("cloud").starts_with("cloud: no format has the extension \"\"; known are csv, txt"));
-    assert!(read("mesh.stl").starts_with("mesh.stl: no format has the extension \"stl\""));
+    assert!(read("mesh.dxf").starts_with("mesh.dxf: no format has the extension \"dxf\""));
 }
 
 #[test]
@@ -58,11 +58,13 @@ fn rows_of_text() {
     check("a.csv", "# two\n1,2\n\n3,4,5\n", columns);
     let columns = "line 2: 3 columns, but the header names 2; give every row the same number of columns";
     check("a.csv", "x,y\n3,4,5\n", columns);
-    let dimension = "line 1: 4 columns; points have 1, 2 or 3 columns and, if a header names it, a column w of weights";
+    let dimension = "line 1: 4 columns; points have 1, 2 or 3 columns and, if a header names it, a column w of weights; \
+                     choose them with --columns 1,2,3";
     check("a.xyz", "1 2 3 4\n", dimension);
     check("a.csv", "1,2\n3,four\n", "line 2: y is \"four\", not a number; a comment starts with #");
     check("a.csv", "1,2\n3,,\n", "line 2: y is \"\", not a number; fill it in or remove the row");
-    check("a.csv", "1,5;2\n3;4\n", "line 1: x is \"1,5\", not a number; write decimals with a point");
+    let twice = "line 1: x is \"1,500,5\", not a number; write decimals with a point";
+    check("a.csv", "1,500,5;2\n3;4\n", twice);
     check("a.csv", "x,w\n1,1\n2,-1\n", "line 3: weight w is -1; weights are finite and not negative");
     check(
         "a.csv",
@@ -229,12 +231,12 @@ fn rows_and_headers_of_npy() {
         check("a.npy", f8(&format!("({claimed}, 2)"), &[1.0, 2.0, 3.0, 4.0, 5.0]), &claims);
     }
     check("a.npy", f8("(2, 9)", &[]), "the shape (2, 9) is not supported; save the transposed array, one row a point");
-    check("a.npy", f8("(9, 4)", &[]), &format!("the shape (9, 4) is not supported; {resave}"));
+    check("a.npy", f8("(9, 4)", &[]), "the shape (9, 4) is not supported; choose columns with --columns 1,2,3");
     check("a.npy", f8("()", &[1.0]), &format!("the shape () is not supported; {resave}"));
     check("a.npy", f8("(0, 3)", &[]), "the file holds no points; give one row a point");
     check("a.npy", npy(&dict("'<c16'", "(2,)"), &[]), &format!("the dtype \"<c16\" is not supported; {resave}"));
-    let record = format!("the dtype \"[('x', '<f8')], 'fortran_order': False, ...\" is not supported; {resave}");
-    check("a.npy", npy(&dict("[('x', '<f8')]", "(2,)"), &[]), &record);
+    let record = format!("the dtype \"[('x', '<c8')], 'fortran_order': False, ...\" is not supported; {resave}");
+    check("a.npy", npy(&dict("[('x', '<c8')]", "(2,)"), &[]), &record);
     check("a.npy", "\u{93}NUMPY", &format!("the header does not begin with \\x93NUMPY; {rewrite}"));
     check("a.npy", b"\x93NUMPY\x02\x00\xff\xff\xff\xff{", &format!("the header is cut off; {rewrite}"));
     check(
@@ -258,7 +260,8 @@ fn images() {
     let mut bytes = std::io::Cursor::new(Vec::new());
     image.write_to(&mut bytes, image::ImageFormat::Png).unwrap();
     let bytes = bytes.into_inner();
-    let message = "no pixel is foreground, that is at most grey 127; choose the other side or another threshold";
+    let message = "no pixel is foreground, that is at most grey 127; choose the other side with --foreground bright or another \
+                   threshold with --threshold";
     check("a.png", &bytes, message);
     let cut = message_of_cut_png(&bytes);
     assert!(

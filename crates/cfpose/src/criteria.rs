@@ -95,6 +95,9 @@ criteria! {
     /// Relative deviation of the noise variance up to which the weighted fit knows it; else distances along normals say it.
     noise_known: f64 = 0.2, "share",
         "a fifth of the variance changes J by a fifth of its degrees of freedom at most";
+    /// Relative deviation of the variance up to which a full noise covariance is reported.
+    noise_reported: f64 = 0.5, "share",
+        "half of the variance is a quarter of the standard deviation";
     /// Negative noise variance in reported standard deviations beyond which the model of the noise is refused.
     noise_negative: f64 = 2.0, "standard deviations",
         "at the boundary a variance is negative by chance; beyond two deviations it hides a misfit";

@@ -190,12 +190,16 @@ fn turns(axes: &[usize], base: &[f64], count: usize) -> Vec<Vec<f64>> {
         1 => count.max(1),
         _ => (count as f64).sqrt().round().max(1.0) as usize,
     };
-    let angle = |i: usize| std::f64::consts::TAU * i as f64 / along as f64;
+    // Angles about y cover half a turn: the other half is the same rotations with other angles about x and z.
+    let angle = |axis: usize, i: usize| match axis {
+        1 => std::f64::consts::PI * ((i as f64 + 0.5) / along as f64 - 0.5),
+        _ => std::f64::consts::TAU * i as f64 / along as f64,
+    };
     let mut all = vec![euler_of_rotation(base)];
     for axis in axes {
         let turned = |angles: &[f64; 3], i: usize| {
             let mut angles = *angles;
-            angles[*axis] += angle(i);
+            angles[*axis] = if *axis == 1 { angle(1, i) } else { angles[*axis] + angle(*axis, i) };
             angles
         };
         all = all.iter().flat_map(|angles| (0..along).map(move |i| turned(angles, i))).collect();

@@ -5,13 +5,9 @@ mod common;
 use std::sync::Arc;
 
 use cfpose::model::PointKind;
-use cfpose::problem::map_points;
-use cfpose::{
-    BuildContext, Estimate, Estimator, Execution, Model, Points, Pose, Registry, Settings, Start, Supervision,
-};
+use cfpose::{BuildContext, Estimate, Estimator, Execution, Model, Points, Registry, Settings, Start, Supervision};
 use cfpose_optim::manifold::Manifold;
 use common::{asymmetric, moved, permuted, target_of};
-use rand::seq::SliceRandom;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha12Rng;
 

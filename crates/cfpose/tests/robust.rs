@@ -55,7 +55,12 @@ fn pair(dim: usize, sampling: Sampling, sigma: f64, seed: u64) -> [Points; 2] {
 
 fn detect(dim: usize, sampling: Sampling, sigma: f64, seed: u64) -> Sampling {
     let [source, target] = pair(dim, sampling, sigma, seed);
-    Sampling::detect(&Support::of(&source, &target, None), dim, [target.len(), source.len()])
+    Sampling::detect(
+        &Support::of(&source, &target, None),
+        dim,
+        [target.len(), source.len()],
+        &cfpose::Criteria::default(),
+    )
 }
 
 #[test]

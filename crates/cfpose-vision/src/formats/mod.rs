@@ -1,17 +1,19 @@
 //! The table of formats; one file for each.
 
+mod las;
 mod mask;
-mod npy;
+mod numpy;
 pub(crate) mod obj;
 mod pcd;
 pub(crate) mod ply;
+pub(crate) mod stl;
 mod text;
 
 use cfpose::Points;
 
 use crate::error::{Fault, Flaw};
 use crate::gather::PointTable;
-use crate::read::ReadOptions;
+use crate::options::ReadOptions;
 
 /// Make points of the bytes of a whole file.
 pub type ReadFn = fn(&[u8], &ReadOptions) -> Result<PointTable, Flaw>;
@@ -45,15 +47,29 @@ pub struct Format {
 pub const FORMATS: &[Format] = &[
     Format {
         name: "text",
-        extensions: &["csv", "txt", "xyz"],
-        summary: "1 to 3 columns; comma, semicolon, tab or blanks; header optional; column w is a weight",
+        extensions: &["csv", "txt", "xyz", "asc"],
+        summary: "1 to 3 columns, or more with names; comma, semicolon, tab or blanks; header optional; column w is a weight",
         read: text::read,
         write: Some(text::write),
     },
     Format {
+        name: "tsv",
+        extensions: &["tsv"],
+        summary: "the same, written with tabs",
+        read: text::read,
+        write: Some(text::write_tsv),
+    },
+    Format {
+        name: "pts",
+        extensions: &["pts"],
+        summary: "number of points, then x y z a line; intensity and colour may follow",
+        read: text::read_pts,
+        write: Some(text::write_pts),
+    },
+    Format {
         name: "ply",
         extensions: &["ply"],
-        summary: "Stanford polygon file, ascii and binary; properties x, y, z and w of the vertices",
+        summary: "Stanford polygon file, ascii and binary; properties x, y, z, w and normal of the vertices",
         read: ply::read,
         write: Some(ply::write),
     },
@@ -65,18 +81,39 @@ pub const FORMATS: &[Format] = &[
         write: Some(obj::write),
     },
     Format {
+        name: "stl",
+        extensions: &["stl"],
+        summary: "triangles, ascii and binary; their distinct corners",
+        read: stl::read,
+        write: None,
+    },
+    Format {
         name: "pcd",
         extensions: &["pcd"],
-        summary: "Point Cloud Library, ascii, binary and binary_compressed; fields x, y, z and w",
+        summary: "Point Cloud Library, ascii, binary and binary_compressed; fields x, y, z, w and normal",
         read: pcd::read,
         write: Some(pcd::write),
     },
     Format {
+        name: "las",
+        extensions: &["las", "laz"],
+        summary: "laser scan, versions 1.0 to 1.4, uncompressed",
+        read: las::read,
+        write: None,
+    },
+    Format {
         name: "npy",
         extensions: &["npy"],
-        summary: "numpy array of N numbers or N x 1..3, floats or integers",
-        read: npy::read,
-        write: Some(npy::write),
+        summary: "numpy array of N numbers, N x 1..3 or structured, floats or integers",
+        read: numpy::read,
+        write: Some(numpy::write),
+    },
+    Format {
+        name: "npz",
+        extensions: &["npz"],
+        summary: "archive of numpy arrays: one, or columns by their names",
+        read: numpy::read_archive,
+        write: None,
     },
     Format {
         name: "mask",

@@ -1,32 +1,52 @@
 //! `.obj`: the vertices of a Wavefront object; everything else is ignored.
 //!
-//! A vertex line is `v x y z`; what may follow (a homogeneous weight, a colour) is ignored, since neither is the weight
-//! of a point.
+//! A vertex line is `v x y z`, `v x y z w` for the point (x/w, y/w, z/w), or `v x y z` and a colour of three numbers, which
+//! is ignored. w is not the weight of a point.
 
 use cfpose::Points;
 
-use super::text::number;
+use crate::columns::Layout;
 use crate::cursor::Lines;
 use crate::error::{Fault, Flaw, Place, excerpt};
-use crate::gather::{Gather, Layout, PointTable};
-use crate::mesh::push_fan;
-use crate::read::ReadOptions;
-use crate::write::rows;
+use crate::gather::{Gather, PointTable};
+use crate::lines::with_line_feeds;
+use crate::options::ReadOptions;
+use crate::rows::{number, rows};
+use crate::triangles::push_fan;
 
 /// Read the lines that begin with `v`.
-pub(super) fn read(bytes: &[u8], _options: &ReadOptions) -> Result<PointTable, Flaw> {
-    let mut gather = Gather::new(Layout::anonymous(3)?);
-    for (line, text) in Lines::new(bytes) {
+pub(super) fn read(bytes: &[u8], options: &ReadOptions) -> Result<PointTable, Flaw> {
+    let bytes = with_line_feeds(bytes)?;
+    let mut gather = Gather::new(Layout::fixed(&["x", "y", "z"], options)?, options);
+    for (line, text) in Lines::new(&bytes) {
+        let fail = |fault| Flaw::new(Place::Line(line), fault);
         let mut fields = text.split('#').next().unwrap_or_default().split_whitespace();
-        if fields.next() != Some("v") {
-            continue;
+        match fields.next() {
+            Some("v") => {}
+            Some(word @ ("V" | "VN" | "VT" | "F")) => {
+                let what = format!("the keyword {word}");
+                return Err(fail(Fault::Unsupported { what, advice: "write keywords in lower case" }));
+            }
+            _ => continue,
         }
-        let fields: Vec<&str> = fields.collect();
-        if fields.len() < 3 {
-            let fault = Fault::Columns { found: fields.len(), expected: 3, than: "format asks for" };
-            return Err(Flaw::new(Place::Line(line), fault));
+        let fields: Vec<&str> = fields.take(8).collect();
+        let weight = match fields.len() {
+            3 | 6 => 1.0,
+            4 => number(fields[3], "w").map_err(fail)?,
+            0..3 => {
+                let fault = Fault::Columns { found: fields.len(), expected: 3, than: "format asks for" };
+                return Err(fail(fault));
+            }
+            found => {
+                let what = format!("a vertex of {}{found} numbers", if found == 8 { "at least " } else { "" });
+                return Err(fail(Fault::Unsupported { what, advice: "write x y z, x y z w or x y z and a colour" }));
+            }
+        };
+        if weight == 0.0 || !weight.is_finite() {
+            let what = format!("a vertex at infinity (w is {weight})");
+            return Err(fail(Fault::Unsupported { what, advice: "remove the vertex" }));
         }
-        gather.push(Place::Line(line), |index, name| number(fields[index], name))?;
+        gather.push(Place::Line(line), |index, name| Ok(number(fields[index], name)? / weight))?;
     }
     gather.finish()
 }
@@ -35,8 +55,9 @@ pub(super) fn read(bytes: &[u8], _options: &ReadOptions) -> Result<PointTable, F
 ///
 /// An index counts from 1, a negative one back from the vertex line above; what follows a slash names texture and normal.
 pub(crate) fn triangles(bytes: &[u8], num_vertices: usize) -> Result<Vec<[usize; 3]>, Flaw> {
+    let bytes = with_line_feeds(bytes)?;
     let (mut triangles, mut above) = (Vec::new(), 0_usize);
-    for (line, text) in Lines::new(bytes) {
+    for (line, text) in Lines::new(&bytes) {
         let mut fields = text.split('#').next().unwrap_or_default().split_whitespace();
         match fields.next() {
             Some("v") => above += 1,

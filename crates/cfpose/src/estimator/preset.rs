@@ -41,7 +41,7 @@ pub(super) fn printed(max_iterations: usize) -> Stage {
 
 fn of_model(model: &Model) -> Pipeline {
     if let Some(relations) = &model.relations {
-        return projective(relations, model.layout.manifold().tangent());
+        return projective(relations, model);
     }
     let facts = model.source.factored();
     let additive = !model.target.is_moving() && facts.is_some_and(|facts| facts.identity_projection);
@@ -62,8 +62,10 @@ fn annealed(unknowns: usize) -> Vec<Stage> {
 }
 
 /// Rays: method.md, section 7.
-fn projective(relations: &Relations, unknowns: usize) -> Pipeline {
-    let mut stages = annealed(unknowns);
+fn projective(relations: &Relations, model: &Model) -> Pipeline {
+    let mut stages = annealed(model.layout.manifold().tangent());
+    // A map without a rotation has no grid of poses to begin from.
+    let global = if model.layout.range("rotation").is_some() { "grid[count=300]" } else { "identity" };
     stages.iter_mut().for_each(|stage| stage.model = Some(relations.sphere.clone()));
     if let Some(last) = stages.last_mut() {
         last.gate = true;
@@ -81,7 +83,7 @@ fn projective(relations: &Relations, unknowns: usize) -> Pipeline {
     }));
     Pipeline {
         restarts: 6,
-        global_start: Some("grid[count=300]".to_string()),
+        global_start: Some(global.to_string()),
         screening_stages: 2,
         keep: 8,
         support: true,

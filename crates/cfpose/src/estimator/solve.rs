@@ -95,7 +95,7 @@ impl ReadyStage {
             }
         }
         let (evaluations, iterations) = (runner.evaluations, runner.iterations);
-        Ok(Candidate { evaluations, iterations, ..self.candidate(progress) })
+        Ok(Candidate { evaluations, iterations, ..self.candidate(progress, parts) })
     }
 
     /// The first solve: the residual as it is, from a start.
@@ -152,12 +152,13 @@ impl ReadyStage {
     }
 
     /// The statistics: J, its p-value and the covariance of theta, where the weighting has them.
-    fn candidate(&self, progress: Progress) -> Candidate {
+    fn candidate(&self, progress: Progress, parts: &Parts) -> Candidate {
         let Progress { theta, outcome, problem, weighted_at, sampling } = progress;
         let has_statistic = self.weighting.has_statistic() && problem.whitening().is_some() && outcome.usable();
         let statistics = weighted_at.as_ref().filter(|_| has_statistic).and_then(|at| {
             let statistics = statistics::of_whitened(&problem, &theta, self.own_tangent())?;
-            Some(Statistics { noise_sigma: self.noise_sigma(&theta), kappa: at.randomness.kappa, ..statistics })
+            let noise_sigma = self.known_noise_sigma(&problem, &theta, parts);
+            Some(Statistics { noise_sigma, kappa: at.randomness.kappa, ..statistics })
         });
         Candidate {
             theta,

@@ -279,6 +279,21 @@ impl ReadyStage {
         Some(mean.max(0.0).sqrt())
     }
 
+    /// Return the standard deviation of the noise as [`ReadyStage::noise_sigma`], `None` where the weighted fit does not
+    /// determine a full covariance: a variance of many parameters may be far off, or negative, and still fit.
+    pub fn known_noise_sigma(&self, weighted: &MomentProblem, theta: &[f64], parts: &Parts) -> Option<f64> {
+        let sigma = self.noise_sigma(theta)?;
+        if self.stage.noise != NoiseModel::Full {
+            return Some(sigma);
+        }
+        let dim = self.model().dim();
+        let diagonal = |at: usize| (0..dim).any(|d| at == d * dim - d * d.saturating_sub(1) / 2);
+        let weights: Vec<f64> =
+            (0..self.num_nuisance()).map(|at| if diagonal(at) { (dim as f64).recip() } else { 0.0 }).collect();
+        let deviation = statistics::deviation_of(weighted, theta, self.own_tangent(), &weights)?;
+        (deviation <= parts.criteria.noise_reported * sigma * sigma).then_some(sigma)
+    }
+
     /// Compare the points at theta.
     pub fn support(&self, theta: &[f64]) -> Result<Support, Error> {
         let source = self.mapped_source(theta)?;

@@ -4,8 +4,9 @@ use super::header::{Data, Field, Header};
 use super::lzf;
 use crate::cursor::Lines;
 use crate::error::{Fault, Flaw, Place};
-use crate::formats::text::number;
 use crate::gather::Gather;
+use crate::rows::typed;
+use crate::unpack::Unpacked;
 
 /// Gather the points.
 pub(super) fn read(header: &Header, lines: Lines, gather: Gather) -> Result<Gather, Flaw> {
@@ -15,6 +16,8 @@ pub(super) fn read(header: &Header, lines: Lines, gather: Gather) -> Result<Gath
         Data::Compressed => read_compressed(header, lines.rest(), gather),
     }
 }
+
+const UNPACK: &str = "write it as DATA binary";
 
 fn claims(what: &str, claimed: u64, held: u64) -> Fault {
     Fault::Claims { what: what.to_string(), claimed: claimed.to_string(), held: held.to_string() }
@@ -49,7 +52,7 @@ fn read_ascii(header: &Header, lines: Lines, mut gather: Gather) -> Result<Gathe
         if fields.len() != expected {
             return Err(Flaw::new(at, Fault::Columns { found: fields.len(), expected, than: "header names" }));
         }
-        gather.push(at, |index, name| number(fields[offsets[index]], name))?;
+        gather.push(at, |index, name| typed(fields[offsets[index]], name, header.fields[index].scalar))?;
     }
     if held < header.points { Err(claims("points", header.points, held).into()) } else { Ok(gather) }
 }
@@ -58,10 +61,13 @@ fn extra(header: &Header) -> Fault {
     Fault::Extra { what: "points".to_string(), claimed: header.points.to_string() }
 }
 
-/// Check that the bytes hold just the points, and return how many there are; what is less than a point may follow.
-fn check_size(header: &Header, stride: usize, bytes: usize) -> Result<usize, Fault> {
-    let held = bytes / stride.max(1);
+/// Check that the bytes hold just the points, and return how many there are; blanks may follow.
+fn check_size(header: &Header, stride: usize, bytes: &[u8]) -> Result<usize, Fault> {
+    let held = bytes.len() / stride.max(1);
     match usize::try_from(header.points) {
+        Ok(points) if points == held && !bytes[held * stride..].iter().all(u8::is_ascii_whitespace) => {
+            Err(Fault::Trailing { found: bytes.len() - held * stride })
+        }
         Ok(points) if points == held || stride == 0 && points == 0 => Ok(points),
         Ok(points) if points < held => Err(extra(header)),
         _ => Err(claims("points", header.points, held as u64)),
@@ -70,7 +76,7 @@ fn check_size(header: &Header, stride: usize, bytes: usize) -> Result<usize, Fau
 
 fn read_binary(header: &Header, bytes: &[u8], mut gather: Gather) -> Result<Gather, Flaw> {
     let (offsets, stride) = offsets(header, |field| field.scalar.size())?;
-    for row in 0..check_size(header, stride, bytes.len())? {
+    for row in 0..check_size(header, stride, bytes)? {
         let point = &bytes[row * stride..(row + 1) * stride];
         gather.push(Place::Row(row + 1), |index, _| decoded(&header.fields[index], &point[offsets[index]..]))?;
     }
@@ -84,12 +90,26 @@ fn read_compressed(header: &Header, bytes: &[u8], mut gather: Gather) -> Result<
     };
     let compressed = u32::from_le_bytes([*a, *b, *c, *d]);
     let unpacked_size = u32::from_le_bytes([*e, *f, *g, *h]);
-    let Some(packed) = packed.get(..compressed as usize) else {
+    let Some((packed, rest)) = packed.split_at_checked(compressed as usize) else {
         return Err(claims("compressed bytes", compressed.into(), packed.len() as u64).into());
     };
-    let unpacked = lzf::decompress(packed, unpacked_size as usize)
-        .ok_or_else(|| Fault::Header { what: "does not agree with the compressed data".into() })?;
-    let points = check_size(header, stride, unpacked.len())?;
+    if !rest.iter().all(u8::is_ascii_whitespace) {
+        return Err(Fault::Trailing { found: rest.len() }.into());
+    }
+    let differs = || Fault::Header { what: "does not agree with the compressed data".into() };
+    // A copy of 264 bytes takes 3.
+    if unpacked_size as usize / 88 > packed.len() {
+        return Err(differs().into());
+    }
+    let limit = Unpacked::of(bytes.len());
+    if unpacked_size as usize > limit.bytes {
+        return Err(Fault::Unpacks { limit: limit.bytes, what: "bytes", advice: UNPACK }.into());
+    }
+    let unpacked = lzf::decompress(packed, unpacked_size as usize).ok_or_else(differs)?;
+    let points = check_size(header, stride, &unpacked)?;
+    if points > limit.points {
+        return Err(Fault::Unpacks { limit: limit.points, what: "points", advice: UNPACK }.into());
+    }
     for row in 0..points {
         gather.push(Place::Row(row + 1), |index, _| {
             let field = &header.fields[index];

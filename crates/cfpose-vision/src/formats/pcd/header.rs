@@ -1,5 +1,6 @@
 //! The header of a pcd file.
 
+use crate::columns::MOST_COLUMNS;
 use crate::cursor::Lines;
 use crate::error::{Fault, Flaw, Place, excerpt};
 use crate::scalar::Scalar;
@@ -33,6 +34,8 @@ pub(super) struct Header {
     pub fields: Vec<Field>,
     /// Claimed number of points.
     pub points: u64,
+    /// Whether the points are a grid, in which some may be missing.
+    pub organised: bool,
     /// Storage.
     pub data: Data,
 }
@@ -57,19 +60,26 @@ pub(super) fn parse(lines: &mut Lines) -> Result<Header, Flaw> {
         let content = text.split('#').next().unwrap_or_default();
         let mut rest = content.split_whitespace();
         let Some(keyword) = rest.next() else { continue };
-        let rest: Vec<String> = rest.map(str::to_string).collect();
-        match keyword {
-            "VERSION" | "VIEWPOINT" => {}
-            "FIELDS" | "COLUMNS" => words.fields = rest,
-            "SIZE" => words.size = rest,
-            "TYPE" => words.kind = rest,
-            "COUNT" => words.count = rest,
-            "WIDTH" => words.width = rest,
-            "HEIGHT" => words.height = rest,
-            "POINTS" => words.points = rest,
+        let rest: Vec<String> = rest.take(MOST_COLUMNS + 1).map(str::to_string).collect();
+        if rest.len() > MOST_COLUMNS {
+            return Err(fail(Fault::Header { what: format!("gives {keyword} more than {MOST_COLUMNS} words") }));
+        }
+        let slot = match keyword {
+            "VERSION" | "VIEWPOINT" => continue,
+            "FIELDS" | "COLUMNS" => &mut words.fields,
+            "SIZE" => &mut words.size,
+            "TYPE" => &mut words.kind,
+            "COUNT" => &mut words.count,
+            "WIDTH" => &mut words.width,
+            "HEIGHT" => &mut words.height,
+            "POINTS" => &mut words.points,
             "DATA" => return words.finish(&rest).map_err(fail),
             _ => return Err(fail(Fault::Header { what: format!("has the line {:?}", excerpt(&text)) })),
+        };
+        if !slot.is_empty() {
+            return Err(fail(Fault::Header { what: format!("has two lines {keyword}") }));
         }
+        *slot = rest;
     }
     Err(Fault::Header { what: "has no line DATA".into() }.into())
 }
@@ -91,7 +101,8 @@ impl Words {
             return Err(Fault::Header { what: "gives FIELDS, SIZE, TYPE and COUNT in different numbers".into() });
         }
         let fields = (0..self.fields.len()).map(|index| self.field(index)).collect::<Result<Vec<Field>, Fault>>()?;
-        Ok(Header { fields, points: self.points()?, data })
+        let organised = self.height.first().is_some_and(|height| height.parse::<u64>().is_ok_and(|height| height > 1));
+        Ok(Header { fields, points: self.points()?, organised, data })
     }
 
     fn field(&self, index: usize) -> Result<Field, Fault> {
@@ -123,13 +134,22 @@ impl Words {
     /// Return POINTS or, as in old files, WIDTH times HEIGHT; where both are there they agree.
     fn points(&self) -> Result<u64, Fault> {
         let number = |words: &[String], name: &str| -> Result<u64, Fault> {
-            let word = words.first().map(String::as_str).unwrap_or_default();
+            let word = match words {
+                [word] => word.as_str(),
+                _ => {
+                    return Err(Fault::Header {
+                        what: format!("gives {name} {} numbers in place of one", words.len()),
+                    });
+                }
+            };
             word.parse().map_err(|_| Fault::Header { what: format!("gives {name} as {:?}", excerpt(word)) })
         };
         let points = if self.points.is_empty() { None } else { Some(number(&self.points, "POINTS")?) };
-        let is_organised = !self.width.is_empty() && !self.height.is_empty();
-        if let Some(points) = points.filter(|_| !is_organised) {
-            return Ok(points);
+        match (points, self.width.is_empty(), self.height.is_empty()) {
+            (Some(points), true, true) => return Ok(points),
+            (_, false, true) => return Err(Fault::Header { what: "gives WIDTH without HEIGHT".into() }),
+            (_, true, false) => return Err(Fault::Header { what: "gives HEIGHT without WIDTH".into() }),
+            _ => {}
         }
         let (width, height) = (number(&self.width, "WIDTH")?, number(&self.height, "HEIGHT")?);
         let product = width

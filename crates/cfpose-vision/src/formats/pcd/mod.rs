@@ -1,7 +1,8 @@
 //! `.pcd`: point clouds of the Point Cloud Library, ascii, binary and binary_compressed.
 //!
 //! Read are the fields x, y, z and w, in any order, of any SIZE, TYPE and COUNT (of several values the first); other
-//! fields are stepped over. An organised cloud marks missing points by NaN; here they are bad input, as in every format.
+//! fields are stepped over. normal_x, normal_y and normal_z are the normal. Of an organised cloud (HEIGHT above 1) points
+//! that are not finite are missing and skipped.
 //!
 //! Source: "The PCD (Point Cloud Data) file format", version 0.7.
 
@@ -11,18 +12,27 @@ mod lzf;
 
 use cfpose::Points;
 
+use crate::columns::Layout;
 use crate::cursor::Lines;
-use crate::error::{Fault, Flaw};
-use crate::gather::{Gather, Layout, PointTable};
-use crate::read::ReadOptions;
-use crate::write::{column_names, rows};
+use crate::error::{Fault, Flaw, excerpt};
+use crate::gather::{Gather, PointTable};
+use crate::lines::refuse_lone_returns;
+use crate::options::ReadOptions;
+use crate::rows::{column_names, rows};
 
 /// Read the points.
-pub(super) fn read(bytes: &[u8], _options: &ReadOptions) -> Result<PointTable, Flaw> {
+pub(super) fn read(bytes: &[u8], options: &ReadOptions) -> Result<PointTable, Flaw> {
     let mut lines = Lines::new(bytes);
     let header = header::parse(&mut lines)?;
     let names: Vec<String> = header.fields.iter().map(|field| field.name.clone()).collect();
-    let gather = Gather::new(Layout::by_xyz(&names, "field")?);
+    let layout = Layout::by_xyz(&names, "field", options)?;
+    if let Some(empty) = layout.read().map(|index| &header.fields[index]).find(|field| field.count == 0) {
+        return Err(Fault::Header { what: format!("gives the field {} a COUNT of 0", excerpt(&empty.name)) }.into());
+    }
+    // The text of the file, which in a binary one is the header.
+    let binary = header.data != header::Data::Ascii;
+    refuse_lone_returns(&bytes[..bytes.len() - if binary { lines.rest().len() } else { 0 }])?;
+    let gather = Gather::new(layout, options).organised(header.organised);
     body::read(&header, lines, gather)?.finish()
 }
 

@@ -3,8 +3,8 @@
 use super::header::{Element, Encoding, Header, Property};
 use crate::cursor::Lines;
 use crate::error::{Fault, Flaw, Place, excerpt};
-use crate::formats::text::number;
 use crate::gather::Gather;
+use crate::rows::typed;
 
 /// Gather the vertices and step over everything else, up to the last element.
 pub(super) fn read(header: &Header, mut lines: Lines, mut gather: Gather) -> Result<Gather, Flaw> {
@@ -64,7 +64,7 @@ fn read_ascii(element: &Element, lines: &mut Lines, mut vertices: Option<&mut Ga
             let (found, expected) = (fields.len(), element.properties.len());
             return Err(Flaw::new(at, Fault::Columns { found, expected, than: "header names" }));
         }
-        gather.push(at, |index, name| number(fields[index], name))?;
+        gather.push(at, |index, name| typed(fields[index], name, element.properties[index].scalar))?;
     }
     Ok(())
 }
@@ -72,8 +72,13 @@ fn read_ascii(element: &Element, lines: &mut Lines, mut vertices: Option<&mut Ga
 /// Replace every list of a line by its length, so that one field is left for each property.
 fn drop_lists(properties: &[Property], fields: &mut Vec<&str>) -> Result<(), Fault> {
     for (index, property) in properties.iter().enumerate() {
-        let Some(field) = fields.get(index).filter(|_| property.length.is_some()) else { continue };
+        let Some(scalar) = property.length else { continue };
+        let Some(field) = fields.get(index) else { continue };
         let length: usize = field.parse().map_err(|_| not_a_length(property, field))?;
+        if !scalar.holds(length as f64) {
+            let column = format!("the length of {:?}", excerpt(&property.name));
+            return Err(Fault::OutsideType { column, text: excerpt(field), kind: scalar.name() });
+        }
         let end = length.checked_add(index + 1).filter(|end| *end <= fields.len());
         let Some(end) = end else {
             let what = format!("entries of {:?}", excerpt(&property.name));

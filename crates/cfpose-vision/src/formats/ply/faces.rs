@@ -4,7 +4,7 @@ use super::body::{measure, short};
 use super::header::{Element, Encoding, Header};
 use crate::cursor::Lines;
 use crate::error::{Fault, Flaw, Place, excerpt};
-use crate::mesh::push_fan;
+use crate::triangles::push_fan;
 
 /// Return the triangles of the element `face`, none where it has no list of vertices.
 pub(super) fn read(header: &Header, mut lines: Lines, num_vertices: usize) -> Result<Vec<[usize; 3]>, Flaw> {

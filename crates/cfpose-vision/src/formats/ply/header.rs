@@ -66,10 +66,14 @@ pub(super) fn parse(lines: &mut Lines) -> Result<Header, Flaw> {
         let words: Vec<&str> = text.split_whitespace().collect();
         match words.as_slice() {
             [] | ["comment", ..] | ["obj_info", ..] => {}
+            ["format", ..] if encoding.is_some() => return Err(fail("names the format twice".into())),
             ["format", name, _version] => {
                 encoding = Some(parse_encoding(name).map_err(|f| Flaw::new(Place::Line(line), f))?)
             }
             ["element", name, count] => {
+                if elements.iter().any(|element| element.name == *name) {
+                    return Err(fail(format!("names the element {:?} twice", excerpt(name))));
+                }
                 let count = count.parse().map_err(|_| fail(format!("counts {:?} elements", excerpt(count))))?;
                 elements.push(Element { name: name.to_string(), count, properties: Vec::new() });
             }

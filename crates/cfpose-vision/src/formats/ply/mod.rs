@@ -1,7 +1,7 @@
 //! `.ply`: Stanford polygon files, ascii and binary in both byte orders.
 //!
 //! Read are the properties x, y, z and w of the element `vertex`, in any order and of any scalar type; other
-//! properties (also lists) and other elements are stepped over, and must be there.
+//! properties (also lists) and other elements are stepped over, and must be there. nx, ny and nz are the normal.
 //!
 //! Source: G. Turk, "The PLY polygon file format", 1994. As there, an ascii element stands on one line.
 
@@ -11,22 +11,30 @@ mod header;
 
 use cfpose::Points;
 
+use crate::columns::Layout;
 use crate::cursor::Lines;
-use crate::error::{Fault, Flaw};
-use crate::gather::{Gather, Layout, PointTable};
-use crate::read::ReadOptions;
-use crate::write::{column_names, rows};
+use crate::error::{Fault, Flaw, excerpt};
+use crate::gather::{Gather, PointTable};
+use crate::lines::refuse_lone_returns;
+use crate::options::ReadOptions;
+use crate::rows::{column_names, rows};
 
 /// Read the vertices.
-pub(super) fn read(bytes: &[u8], _options: &ReadOptions) -> Result<PointTable, Flaw> {
+pub(super) fn read(bytes: &[u8], options: &ReadOptions) -> Result<PointTable, Flaw> {
     let mut lines = Lines::new(bytes);
     let header = header::parse(&mut lines)?;
     let Some(vertex) = header.elements.iter().find(|element| element.name == "vertex") else {
         return Err(Fault::Header { what: "names no element vertex".into() }.into());
     };
     let names: Vec<String> = vertex.properties.iter().map(|property| property.name.clone()).collect();
-    let gather = Gather::new(Layout::by_xyz(&names, "vertex property")?);
-    body::read(&header, lines, gather)?.finish()
+    let layout = Layout::by_xyz(&names, "vertex property", options)?;
+    if let Some(list) = layout.read().map(|index| &vertex.properties[index]).find(|p| p.length.is_some()) {
+        return Err(Fault::Header { what: format!("gives {} as a list", excerpt(&list.name)) }.into());
+    }
+    // The text of the file, which in a binary one is the header.
+    let binary = header.encoding != header::Encoding::Ascii;
+    refuse_lone_returns(&bytes[..bytes.len() - if binary { lines.rest().len() } else { 0 }])?;
+    body::read(&header, lines, Gather::new(layout, options))?.finish()
 }
 
 /// Read the faces of a file of so many vertices.

@@ -6,6 +6,9 @@ use num_dual::HyperDual64;
 
 use crate::geometry::theta::{Angle, euler_of_rotation, rotation_of_euler};
 
+/// Largest angle about y: a quarter turn, less what keeps the angles about x and z apart.
+pub(super) const QUARTER: f64 = std::f64::consts::FRAC_PI_2 - 1e-6;
+
 /// Rotations R = Rz Ry Rx with one or two free angles; ambient coordinates are the matrix, row by row.
 ///
 /// The fixed angles are read from the matrix itself, so they keep the value of the start. A sub-space of SO(3)'s tangent
@@ -48,6 +51,8 @@ impl Manifold for EulerAngles {
         for (value, axis) in step.iter().zip(&self.free) {
             angles[*axis] += value;
         }
+        // Past a quarter turn about y the same rotation has other angles about x and z: what is fixed would not be.
+        angles[1] = angles[1].clamp(-QUARTER, QUARTER);
         out[..9].copy_from_slice(&rotation_of_euler(&angles));
     }
     fn local(&self, from: &[f64], to: &[f64], step: &mut [f64]) {

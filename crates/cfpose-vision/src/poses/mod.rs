@@ -2,7 +2,10 @@
 //!
 //! Poses read `target_from_source`. A text file is told apart by its rows: rows of 4 numbers are matrices (four rows 4x4,
 //! three rows 3x4), a row of 8 is TUM (`time tx ty tz qx qy qz qw`), a row of 12 KITTI (3x4 row by row), a row of 16 a 4x4
-//! row by row. `#` starts a comment.
+//! row by row. `#` starts a comment. A header, or the last comment before the rows, that names qx, qy, qz, qw (also
+//! `q_RS_w []`, `orientation.w`) says in which columns the pose stands, and that others do not count.
+
+mod text;
 
 use std::path::Path;
 
@@ -11,6 +14,8 @@ use cfpose::theta::{Layout, RotationForm};
 use serde_json::{Value, json};
 
 use crate::error::{Fault, FileError, Flaw, Place};
+use crate::lines::with_line_feeds;
+use text::parse_text;
 
 /// Largest deviation of R'R from the identity: KITTI's files hold 7 digits.
 const TOLERANCE: f64 = 1e-3;
@@ -138,16 +143,21 @@ fn pose_json(pose: &StampedPose) -> Value {
 /// ```
 pub fn read_poses(path: &Path) -> Result<Vec<StampedPose>, FileError> {
     let fail = |flaw: Flaw| flaw.in_file(path);
-    let bytes = crate::read::read_bytes(path).map_err(|fault| match fault {
+    let bytes = crate::bytes::read_bytes(path).map_err(|fault| match fault {
         Fault::Empty => fail(empty()),
         other => fail(other.into()),
     })?;
-    let text = String::from_utf8_lossy(&bytes);
-    let poses = match text.trim_start().starts_with(['{', '[']) {
+    parse(&bytes).map_err(fail)
+}
+
+/// Read the poses in the content of a file.
+pub(crate) fn parse(bytes: &[u8]) -> Result<Vec<StampedPose>, Flaw> {
+    let bytes = with_line_feeds(bytes)?;
+    let text = String::from_utf8_lossy(bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(&bytes));
+    match text.trim_start().starts_with(['{', '[']) {
         true => parse_json(&text),
         false => parse_text(&text),
-    };
-    poses.map_err(fail)
+    }
 }
 
 fn empty() -> Flaw {
@@ -156,48 +166,6 @@ fn empty() -> Flaw {
 
 fn flaw(at: Place, what: impl Into<String>) -> Flaw {
     Flaw::new(at, Fault::Pose { what: what.into() })
-}
-
-/// Read rows of numbers; the length of the first row chooses the form.
-fn parse_text(text: &str) -> Result<Vec<StampedPose>, Flaw> {
-    let mut rows: Vec<(usize, Vec<f64>)> = Vec::new();
-    for (index, line) in text.lines().enumerate() {
-        let content = line.split('#').next().unwrap_or("");
-        let fields = content.split(|c: char| c == ',' || c == ';' || c.is_whitespace()).filter(|f| !f.is_empty());
-        let mut row = Vec::new();
-        for field in fields {
-            let value = field.parse::<f64>().ok().filter(|value| value.is_finite());
-            let bad =
-                || flaw(Place::Line(index + 1), format!("{:?} is no finite number", crate::error::excerpt(field)));
-            row.push(value.ok_or_else(bad)?);
-        }
-        if !row.is_empty() {
-            rows.push((index + 1, row));
-        }
-    }
-    let Some((_, first)) = rows.first() else { return Err(empty()) };
-    let width = first.len();
-    if let Some((line, row)) = rows.iter().find(|(_, row)| row.len() != width) {
-        return Err(flaw(Place::Line(*line), format!("{} numbers, but the rows above have {width}", row.len())));
-    }
-    let height = match width {
-        4 if rows.len() == 3 => 3,
-        4 => 4,
-        8 | 12 | 16 => 1,
-        _ => return Err(flaw(Place::Line(rows[0].0), format!("{width} numbers in a row are no pose"))),
-    };
-    if !rows.len().is_multiple_of(height) {
-        let what = format!("{} rows of 4 numbers are not a whole number of 4x4 matrices", rows.len());
-        return Err(flaw(Place::Whole, what));
-    }
-    rows.chunks(height)
-        .map(|block| {
-            let values: Vec<f64> = block.iter().flat_map(|(_, row)| row).copied().collect();
-            let pose = if width == 8 { of_tum(&values) } else { of_matrix(&values).map(|pose| (None, pose)) };
-            let (time, pose) = pose.map_err(|what| flaw(Place::Line(block[0].0), what))?;
-            Ok(StampedPose { time, pose })
-        })
-        .collect()
 }
 
 fn of_tum(row: &[f64]) -> Result<(Option<f64>, Pose), String> {
@@ -244,8 +212,14 @@ fn checked(r: [f64; 9], translation: [f64; 3]) -> Result<Pose, String> {
 
 /// Read a pose object, a result that holds one, a nested matrix, or a list of these.
 fn parse_json(text: &str) -> Result<Vec<StampedPose>, Flaw> {
-    let value: Value =
-        serde_json::from_str(text).map_err(|error| flaw(Place::Line(error.line()), format!("no JSON: {error}")))?;
+    // A value takes up to 150 bytes of memory and as few as 2 of text; poses have numbers of some digits.
+    let values = text.bytes().filter(|byte| b",:[{".contains(byte)).count();
+    if values > 200_000 + text.len() / 6 {
+        return Err(flaw(Place::Whole, format!("{values} values in {} bytes are no poses", text.len())));
+    }
+    let value: Value = serde_json::from_str(text).map_err(|error| {
+        flaw(Place::Line(error.line()), format!("no JSON: {}", crate::error::one_line(&error.to_string())))
+    })?;
     let one = |value: &Value| of_json(value).map_err(|what| flaw(Place::Whole, what));
     match &value {
         Value::Array(list) if list.first().is_some_and(|first| !first[0].is_number()) => list.iter().map(one).collect(),
