@@ -120,7 +120,7 @@ criteria! {
     near_sampling: f64 = 3.0, "spacings",
         "closer fits are moved onto the shape first: 6 steps of closest points on 500 points";
     /// Evidence that a refinement gains: its standard deviations relative to those of the means, at most.
-    refine_gain: f64 = 1.0, "ratio",
+    refine_gain: f64 = 1.5, "ratio",
         "a refinement whose own covariance is not smaller made 109 of 109 same-point estimates worse";
     /// Noise in spacings below which it does not change who is nearest.
     refine_spacing: f64 = 0.5, "spacings",
