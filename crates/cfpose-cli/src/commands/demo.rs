@@ -16,6 +16,7 @@ use serde_json::{Value, json};
 
 use crate::args::{DemoArgs, program};
 use crate::failure::Failure;
+use crate::inputs;
 use crate::output::{self, number};
 
 /// Methods that are compared; the last one is the result.
@@ -45,14 +46,15 @@ pub fn run(args: &DemoArgs, lab: &Lab) -> Result<(), Failure> {
     let (entry, parameters) = find("scenario", &lab.scenarios, &args.scenario)?;
     let mut scenario = (entry.build)(&parameters)?;
     scenario.load(Path::new("")).map_err(Failure::input)?;
-    let trial = scenario.trial(&mut seed::data_stream(args.seed, 0)).map_err(Failure::usage)?;
+    let drawn = scenario.trial(&mut seed::data_stream(args.seed, 0)).map_err(Failure::usage)?;
+    let trial = through_files(&args.out, drawn)?;
     let [paper, auto] = METHODS.map(|method| attempt(lab, scenario.as_ref(), &trial, method, args.seed));
     let attempts = [paper?, auto?];
     let [paper, auto] = &attempts;
     // Of several starts the first stands for all in table and figure; `auto` finds its own where the scenario gives none.
     let start =
         paper.estimator.starts()?.into_iter().next().unwrap_or_else(|| paper.estimator.model().identity.clone());
-    write_folder(&args.out, &attempts, &trial, &start)?;
+    write_figure(&args.out, &attempts, &start)?;
     let found = auto.estimate.usable() && auto.error.is_some_and(|error| trial.success.holds(&error));
     let start_error = scenario.error(&paper.estimator.model().layout, &start, &trial.truth);
     let seconds = begun.elapsed().as_secs_f64();
@@ -153,8 +155,18 @@ impl Attempt {
     }
 }
 
-/// Write the overlay and the points, so that `estimate` can be tried on them.
-fn write_folder(out: &Path, attempts: &[Attempt; 2], trial: &Trial, start: &[f64]) -> Result<(), Failure> {
+/// Write the points and take what stands in the files, so that `estimate` finds the same theta in them: a scenario may know more
+/// of its points than a file can hold, such as that they follow a curve.
+fn through_files(out: &Path, trial: Trial) -> Result<Trial, Failure> {
+    std::fs::create_dir_all(out).map_err(|error| Failure::input(format!("{}: {error}", out.display())))?;
+    let (source, target) = (out.join("source.csv"), out.join("target.csv"));
+    write_points(&source, &trial.source)?;
+    write_points(&target, &trial.target)?;
+    Ok(Trial { source: inputs::read(&source)?, target: inputs::read(&target)?, ..trial })
+}
+
+/// Draw source and target at the start and after each method.
+fn write_figure(out: &Path, attempts: &[Attempt; 2], start: &[f64]) -> Result<(), Failure> {
     let moved = |error| Failure::unusable(format!("at the start: moved points: {error}"));
     let mut all = panels(&attempts[0].estimator, &[("at the start", start)]).map_err(moved)?;
     for attempt in attempts {
@@ -166,10 +178,7 @@ fn write_folder(out: &Path, attempts: &[Attempt; 2], trial: &Trial, start: &[f64
         with_ellipses.for_each(|panel| panel.title += &format!(", 95 % ellipses enlarged x {factor}"));
     }
     let figure = overlay("Two point sets of one shape, no correspondences", &all)?;
-    std::fs::create_dir_all(out).map_err(|error| Failure::input(format!("{}: {error}", out.display())))?;
-    output::write_file(&out.join("overlay.svg"), &figure)?;
-    write_points(&out.join("source.csv"), &trial.source)?;
-    Ok(write_points(&out.join("target.csv"), &trial.target)?)
+    output::write_file(&out.join("overlay.svg"), &figure)
 }
 
 /// Write the table and where to go next.
