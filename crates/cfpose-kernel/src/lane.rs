@@ -18,6 +18,9 @@ const ROUND: f64 = 6_755_399_441_055_744.0;
 /// 2^54, which takes every subnormal number into the normal range.
 const UP: f64 = 18_014_398_509_481_984.0;
 
+/// The sign bit.
+const SIGN: u64 = 1 << 63;
+
 /// A vector of [`Simd::F64_LANES`] numbers of instruction set `S`.
 #[derive(Clone, Copy)]
 pub struct Lane<S: Simd> {
@@ -77,6 +80,18 @@ impl<S: Simd> Lane<S> {
     #[inline(always)]
     fn with(self, value: S::f64s) -> Self {
         Self { value, simd: self.simd }
+    }
+
+    // pulp's own selection, absolute value, sign and transmutation of f64 are functions by themselves, compiled without the
+    // instruction set of their caller where they are not inlined: its operations on bits are always inlined.
+    #[inline(always)]
+    fn bits(self) -> S::u64s {
+        pulp::cast(self.value)
+    }
+
+    #[inline(always)]
+    fn of_bits(self, bits: S::u64s) -> Self {
+        self.with(pulp::cast(bits))
     }
 
     #[inline(always)]
@@ -145,7 +160,7 @@ impl<S: Simd> Neg for Lane<S> {
     type Output = Self;
     #[inline(always)]
     fn neg(self) -> Self {
-        self.with(self.simd.neg_f64s(self.value))
+        self.of_bits(self.simd.xor_u64s(self.bits(), self.simd.splat_u64s(SIGN)))
     }
 }
 
@@ -211,10 +226,10 @@ impl<S: Simd> Scalar for Lane<S> {
     #[inline(always)]
     fn select_less(self, other: Self, yes: Self, no: Self) -> Self {
         let mask = self.simd.less_than_f64s(self.value, other.value);
-        self.with(self.simd.select_f64s(mask, yes.value, no.value))
+        self.of_bits(self.simd.select_u64s(mask, yes.bits(), no.bits()))
     }
     #[inline(always)]
     fn abs(self) -> Self {
-        self.with(self.simd.abs_f64s(self.value))
+        self.of_bits(self.simd.and_u64s(self.bits(), self.simd.splat_u64s(!SIGN)))
     }
 }

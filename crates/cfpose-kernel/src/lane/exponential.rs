@@ -94,14 +94,13 @@ impl<S: Simd> Lane<S> {
         let least = self.all(f64::MIN_POSITIVE);
         let number = self.select_less(least, self * UP, self);
         let s = self.simd;
-        let lifted = s.add_u64s(s.transmute_u64s_f64s(number.value), s.splat_u64s(LIFT));
+        let lifted = s.add_u64s(number.bits(), s.splat_u64s(LIFT));
         let fraction = s.and_u64s(lifted, s.splat_u64s((1 << 52) - 1));
-        let mantissa = self.with(s.transmute_f64s_u64s(s.add_u64s(fraction, s.splat_u64s(ROOT))));
+        let mantissa = self.of_bits(s.add_u64s(fraction, s.splat_u64s(ROOT)));
         // The exponent, moved to the low bits of the upper half, is 2^20 + exponent under the exponent field of 2^20.
         let moved = s.wrapping_dyn_shr_u32s(bytemuck::cast(lifted), s.splat_u32s(20));
         let upper = s.and_u64s(bytemuck::cast(moved), s.splat_u64s(0xffff_ffff_0000_0000));
-        let count =
-            self.with(s.transmute_f64s_u64s(s.xor_u64s(upper, s.splat_u64s(0x4130_0000_0000_0000)))) - 1_049_599.0;
+        let count = self.of_bits(s.xor_u64s(upper, s.splat_u64s(0x4130_0000_0000_0000))) - 1_049_599.0;
         (mantissa, self.select_less(least, count - 54.0, count))
     }
 

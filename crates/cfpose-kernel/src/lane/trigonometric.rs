@@ -4,7 +4,7 @@ use std::f64::consts::{FRAC_2_PI, FRAC_PI_4, PI};
 
 use pulp::Simd;
 
-use super::{Lane, ROUND, UP};
+use super::{Lane, ROUND, SIGN, UP};
 use crate::scalar::Scalar;
 
 /// pi/4 minus its nearest `f64`.
@@ -39,9 +39,9 @@ impl<S: Simd> Lane<S> {
     #[inline(always)]
     fn turn(rounded: Self, sine: Self, cosine: Self) -> (Self, Self) {
         let s = rounded.simd;
-        let count = s.transmute_u64s_f64s(rounded.value);
-        let (zero, one, two, sign) = (s.splat_u64s(0), s.splat_u64s(1), s.splat_u64s(2), s.splat_u64s(1 << 63));
-        let (sine_bits, cosine_bits) = (s.transmute_u64s_f64s(sine.value), s.transmute_u64s_f64s(cosine.value));
+        let count = rounded.bits();
+        let (zero, one, two, sign) = (s.splat_u64s(0), s.splat_u64s(1), s.splat_u64s(2), s.splat_u64s(SIGN));
+        let (sine_bits, cosine_bits) = (sine.bits(), cosine.bits());
         // Odd quarter turns swap the two; pulp has no 64-bit shift, so 0 - bit spreads a bit over the word.
         let odd = s.sub_u64s(zero, s.and_u64s(count, one));
         let swap = s.and_u64s(s.xor_u64s(sine_bits, cosine_bits), odd);
@@ -49,7 +49,7 @@ impl<S: Simd> Lane<S> {
         let flip_cosine = s.and_u64s(sign, s.sub_u64s(zero, s.and_u64s(s.add_u64s(count, one), two)));
         let sine = s.xor_u64s(s.xor_u64s(sine_bits, swap), flip_sine);
         let cosine = s.xor_u64s(s.xor_u64s(cosine_bits, swap), flip_cosine);
-        (rounded.with(s.transmute_f64s_u64s(sine)), rounded.with(s.transmute_f64s_u64s(cosine)))
+        (rounded.of_bits(sine), rounded.of_bits(cosine))
     }
 
     /// See [`Scalar::sin_cos`].
@@ -131,8 +131,7 @@ impl<S: Simd> Lane<S> {
     /// Return `size` with the sign bit of `self`; its own sign bit must be 0.
     #[inline(always)]
     pub(super) fn sign_of(self, size: Self) -> Self {
-        let s = self.simd;
-        let sign = s.and_u64s(s.transmute_u64s_f64s(self.value), s.splat_u64s(1 << 63));
-        self.with(s.transmute_f64s_u64s(s.xor_u64s(sign, s.transmute_u64s_f64s(size.value))))
+        let sign = self.simd.and_u64s(self.bits(), self.simd.splat_u64s(SIGN));
+        self.of_bits(self.simd.xor_u64s(sign, size.bits()))
     }
 }
