@@ -148,6 +148,46 @@ impl<S: Simd, const M: usize> Scalar for Jet<S, M> {
         self.chain(value, value)
     }
     #[inline(always)]
+    fn ln(self) -> Self {
+        self.chain(self.re.ln(), self.re.recip())
+    }
+    #[inline(always)]
+    fn powf(self, exponent: f64) -> Self {
+        if exponent == 0.0 {
+            return self.constant(1.0);
+        }
+        self.chain(self.re.powf(exponent), self.re.powf(exponent - 1.0) * exponent)
+    }
+    #[inline(always)]
+    fn atan2(self, x: Self) -> Self {
+        // (x dy - y dx) / (x^2 + y^2), divided in two steps that neither overflow nor underflow early.
+        let (y, one) = (self.re, self.re.constant(1.0));
+        let largest = y.abs().select_less(x.re.abs(), x.re.abs(), y.abs());
+        let inverse = one / largest;
+        let (u, v) = (x.re * inverse, y * inverse);
+        let scale = inverse / (u * u + v * v);
+        let (u, v) = (u * scale, v * scale);
+        let mut eps = self.eps;
+        for j in 0..M {
+            eps[j] = u.mul_add(self.eps[j], -(v * x.eps[j]));
+        }
+        Self { re: y.atan2(x.re), eps }
+    }
+    #[inline(always)]
+    fn sinh(self) -> Self {
+        self.chain(self.re.sinh(), self.re.cosh())
+    }
+    #[inline(always)]
+    fn cosh(self) -> Self {
+        self.chain(self.re.cosh(), self.re.sinh())
+    }
+    #[inline(always)]
+    fn tanh(self) -> Self {
+        // 1 / cosh^2 keeps its digits where 1 - tanh^2 has none left.
+        let inverse = self.re.cosh().recip();
+        self.chain(self.re.tanh(), inverse * inverse)
+    }
+    #[inline(always)]
     fn sin_cos(self) -> (Self, Self) {
         let (sine, cosine) = self.re.sin_cos();
         (self.chain(sine, cosine), self.chain(cosine, -sine))

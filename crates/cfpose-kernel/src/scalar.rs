@@ -44,6 +44,32 @@ pub trait Scalar:
     /// Return e^self.
     fn exp(self) -> Self;
 
+    /// Return the natural logarithm: -infinity at 0, NaN below.
+    fn ln(self) -> Self;
+
+    /// Return self^exponent for a constant exponent; NaN for negative numbers unless the exponent is whole.
+    ///
+    /// num-dual divides by the number to get derivatives: its derivatives are not finite at 0, those of lanes are where they
+    /// exist.
+    fn powf(self, exponent: f64) -> Self;
+
+    /// Return the angle of the vector (x, y) in radians, -pi to pi, for `self` = y; 0 at the origin, where it has no derivative.
+    ///
+    /// ```
+    /// use cfpose_kernel::Scalar;
+    /// assert_eq!(Scalar::atan2(1.0, -1.0), 0.75 * std::f64::consts::PI);
+    /// ```
+    fn atan2(self, x: Self) -> Self;
+
+    /// Return the hyperbolic sine.
+    fn sinh(self) -> Self;
+
+    /// Return the hyperbolic cosine.
+    fn cosh(self) -> Self;
+
+    /// Return the hyperbolic tangent.
+    fn tanh(self) -> Self;
+
     /// Return sine and cosine of an angle in radians.
     fn sin_cos(self) -> (Self, Self);
 
@@ -76,6 +102,39 @@ impl<T: DualNum<Primitive = f64> + Copy> Scalar for T {
     #[inline(always)]
     fn exp(self) -> T {
         DualNum::exp(&self)
+    }
+    #[inline(always)]
+    fn ln(self) -> T {
+        DualNum::ln(&self)
+    }
+    #[inline(always)]
+    fn powf(self, exponent: f64) -> T {
+        DualNum::powf(&self, exponent)
+    }
+    #[inline(always)]
+    fn atan2(self, x: T) -> T {
+        if T::NDERIV == 0 || self.re().abs() <= x.re().abs() {
+            return DualNum::atan2(&self, x);
+        }
+        // num-dual differentiates atan(y / x), which has no derivative at x = 0: turn by a quarter, keep the value.
+        let turned = -DualNum::atan(&(x / self));
+        turned + (self.re().atan2(x.re()) - turned.re())
+    }
+    #[inline(always)]
+    fn sinh(self) -> T {
+        DualNum::sinh(&self)
+    }
+    #[inline(always)]
+    fn cosh(self) -> T {
+        DualNum::cosh(&self)
+    }
+    #[inline(always)]
+    fn tanh(self) -> T {
+        // num-dual divides sinh by cosh, which are both infinite further out.
+        if T::NDERIV > 0 && self.re().abs() > 350.0 {
+            return T::from(self.re().signum());
+        }
+        DualNum::tanh(&self)
     }
     #[inline(always)]
     fn sin_cos(self) -> (T, T) {

@@ -11,10 +11,12 @@ use crate::map::MapBlock;
 /// A weight multiplies the features, so it multiplies their share of the cost by its square. Each part keeps its own fast path.
 ///
 /// ```
-/// use cfpose_kernel::family::{Concatenated, DynFamily};
-/// use cfpose_kernel::{BuildContext, Registry};
-/// let part = |name| Registry::default().family(name, &BuildContext::default()).unwrap();
-/// let both = Concatenated::new(vec![(1.0, part("coordinates")), (2.0, part("monomial[degree=2]"))]);
+/// use cfpose_kernel::family::polynomial::{Polynomial, Products};
+/// use cfpose_kernel::family::{Concatenated, DynFamily, General};
+/// // The monomials x, and x and x^2.
+/// let rows = vec![vec![1.0], vec![0.0, 1.0], vec![0.0, 0.0, 1.0]];
+/// let part = |degree: usize| Box::new(General(Polynomial::new(rows[..=degree].to_vec(), Products::Total)));
+/// let both = Concatenated::new(vec![(1.0, part(1)), (2.0, part(2))]);
 /// assert_eq!(both.features(&[3.0]), vec![3.0, 6.0, 18.0]);
 /// ```
 pub struct Concatenated {
