@@ -404,8 +404,8 @@ pub enum Sampling {
 
 impl Sampling {
     /// Return what the user says, `None` where it is to be found out.
-    pub fn given(self) -> Option<cfpose::robust::support::Sampling> {
-        use cfpose::robust::support::Sampling as Known;
+    pub fn given(self) -> Option<cfpose::distances::Sampling> {
+        use cfpose::distances::Sampling as Known;
         match self {
             Sampling::Auto => None,
             Sampling::Same => Some(Known::Same),

@@ -20,7 +20,13 @@ fn evaluation_is_consistent_with_itself() {
     let at = |theta: &[f64]| theta.iter().map(|v| format!("{v:?}")).collect::<Vec<_>>().join(",");
     let evaluation = desk.json(&format!("{line} --at={}", at(&theta)));
     let names: Vec<&str> = evaluation.as_object().unwrap().keys().map(String::as_str).collect();
-    assert_eq!(names, ["theta", "residual", "jacobian", "source_means", "target_means", "cost"]);
+    let parts = ["model", "features", "normalise", "weighting", "noise", "nuisance"];
+    assert_eq!(
+        names,
+        [&["theta", "residual", "jacobian", "source_means", "target_means", "cost"], &parts[..]].concat()
+    );
+    assert_eq!((&evaluation["model"], &evaluation["features"]), (&"rigid3".into(), &"hermite[degree=3]".into()));
+    assert_eq!((&evaluation["weighting"], &evaluation["noise"]), (&"identity".into(), &"none".into()));
     let (residual, source, target) =
         (numbers(&evaluation["residual"]), numbers(&evaluation["source_means"]), numbers(&evaluation["target_means"]));
     assert_eq!([residual.len(), source.len(), target.len()], [19; 3]);

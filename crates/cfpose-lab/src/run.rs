@@ -242,7 +242,9 @@ fn probe(bench: &Bench<'_>, plan: &Plan, scenarios: &[Box<dyn Scenario>], jobs: 
             Err(problem) => return Err(scenario_error(cell, problem)),
         };
         for method in new {
-            match bench.prepare(scenarios[job.trial.cell].as_ref(), &trial, &job.trial, method) {
+            let prepared = bench.prepare(scenarios[job.trial.cell].as_ref(), &trial, &job.trial, method);
+            // A start strategy that does not apply is an error before the run too.
+            match prepared.and_then(|estimator| estimator.starts()) {
                 Ok(_) | Err(cfpose::Error::Points { .. } | cfpose::Error::Normalise { .. }) => {}
                 Err(problem) => {
                     let place = format!("method `{}`, scenario {}", method.name, cell.label());

@@ -4,13 +4,17 @@
 //! Everything here works on points mapped into the feature space and their derivatives along theta, so that every model
 //! takes part without further code.
 
-pub mod closest_point;
-pub mod correspondence;
-pub mod mixture;
+pub(crate) mod closest_point;
+pub(crate) mod correspondence;
+pub(crate) mod mixture;
 pub(crate) mod neighbours;
 mod normals;
-pub mod sampling;
-pub mod support;
+pub(crate) mod sampling;
+pub(crate) mod support;
+
+pub use correspondence::{Correspondence, MAX_ASSIGNED, assign, correspond, nearest_neighbours};
+pub use sampling::Sampling;
+pub use support::Support;
 
 use std::sync::Arc;
 

@@ -97,7 +97,7 @@ impl Parts {
 /// assert!((again.theta[0] - 1.0).abs() < 1e-12);
 /// // What was minimised last can be evaluated again: the same cost.
 /// assert_eq!(estimator.evaluate_minimised(&estimate.minimised)?.cost, estimate.outcome.cost);
-/// # Ok::<(), cfpose::Error>(())
+/// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 pub struct Estimator {
     parts: Parts,

@@ -7,32 +7,49 @@
 //! * [`family`]: what an author of feature functions writes; [`families`]: the table.
 //! * [`means`]: the hot loop; [`problem`]: residual and Jacobian; [`estimator`]: from names to an estimate.
 //! * [`statistics`], [`distances`]: how sure an estimate is, and what is done about outliers.
-//! * [`registry`]: add your own entries and use every tool with them.
+//! * [`Registry`]: add your own entries and use every tool with them.
 //!
 //! The library opens no file, reads no clock, starts no thread and has no global state.
 
 pub mod check;
 pub mod coverage;
-pub mod criteria;
+mod criteria;
 pub mod distances;
 pub mod entry;
-pub mod error;
+mod error;
 pub mod estimator;
 pub mod families;
-pub mod geometry;
+mod geometry;
 pub mod model;
 pub mod models;
 pub mod problem;
-pub mod registry;
+mod registry;
 pub mod start;
 pub mod statistics;
-pub mod streams;
+mod streams;
 
-pub use cfpose_kernel::{isa, jet, lane, map as block, means, moments, points, scalar};
-pub use distances::correspondence as readout;
-pub use geometry::{free, homography, pose, theta};
+// For a user: two point sets to an estimate.
+pub use cfpose_kernel::{Attribute, Execution, Isa, Points, PointsError};
+pub use criteria::Criteria;
+pub use error::Error;
+pub use estimator::{Estimate, Estimator, Settings, Start, Supervision, Verdict, estimate};
+pub use geometry::pose::{Pose, PoseError};
+pub use geometry::{free, homography, theta};
+pub use registry::Registry;
+
+// For an author of a model.
+pub use cfpose_kernel::{Jet, Lane, Map, PointMap, Scalar, map as block};
+pub use entry::{BuildContext, BuildError};
+pub use model::{Findings, Model, ModelEntry, Scene};
+
+// For an author of a family, and who looks at the sums themselves.
+pub use cfpose_kernel::{Family, SeparableFamily, means, moments};
+pub use entry::FamilyEntry;
+pub use problem::MomentProblem;
+
+// For an author of a weighting, a normaliser.
 pub use problem::normalise;
-pub use statistics::{conditioning, gram, weighting};
+pub use statistics::weighting;
 
 /// Feature families: what their authors write, and the line that each has in the table.
 pub mod family {
@@ -40,29 +57,6 @@ pub mod family {
 
     pub use crate::entry::{BuildFamily, FamilyEntry};
 }
-
-/// Distances between points under their earlier name.
-pub mod robust {
-    pub use crate::distances::{closest_point, mixture};
-
-    /// Support of a fit by nearest neighbours, and how the two sets were sampled.
-    pub mod support {
-        pub use crate::distances::sampling::Sampling;
-        pub use crate::distances::support::Support;
-    }
-}
-
-pub use cfpose_kernel::{
-    Attribute, Execution, Family, Isa, Jet, Lane, Map, PointMap, Points, PointsError, Scalar, SeparableFamily,
-};
-pub use criteria::Criteria;
-pub use entry::{BuildContext, BuildError, FamilyEntry};
-pub use error::Error;
-pub use estimator::{Estimate, Estimator, Settings, Start, Supervision, Verdict, estimate};
-pub use geometry::pose::{Pose, PoseError};
-pub use model::{Findings, Model, ModelEntry, Scene};
-pub use problem::MomentProblem;
-pub use registry::Registry;
 
 /// The walk-throughs of the documentation, compiled and run as tests.
 #[cfg(doctest)]

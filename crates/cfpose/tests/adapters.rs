@@ -3,8 +3,8 @@
 use std::sync::Arc;
 
 use cfpose::check::derivatives;
+use cfpose::distances::{assign, correspond};
 use cfpose::free::{Frame, Freedom, find_columns};
-use cfpose::readout::{assign, correspond};
 use cfpose::theta::{EulerOrder, RotationForm, euler_of_rotation, rotation_of_euler};
 use cfpose::{
     Attribute, BuildContext, Estimate, Estimator, Execution, Points, Pose, Registry, Settings, Start, Supervision,

@@ -5,6 +5,7 @@ use std::sync::Arc;
 use cfpose::check::{Sample, derivatives};
 use cfpose::{Execution, Isa, Points, Registry};
 use proptest::prelude::*;
+use proptest::test_runner::RngSeed;
 use rand::seq::SliceRandom;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha12Rng;
@@ -145,7 +146,7 @@ fn lanes_equal_the_scalar_oracle_near_singularities() {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(24))]
+    #![proptest_config(ProptestConfig { rng_seed: RngSeed::Fixed(7), ..ProptestConfig::with_cases(24) })]
     #[test]
     fn lanes_equal_the_scalar_oracle_anywhere(seed in 0_u64..1_000_000, spread in 0.0_f64..3.0) {
         let registry = Registry::default();

@@ -234,6 +234,45 @@ fn the_map_of_the_house_names_every_room() {
     }
 }
 
+/// Names that the first page of the library's documentation lists, outside the tables.
+fn public_names(lib: &str) -> Vec<String> {
+    let tables = ["models", "families", "start", "normalise", "weighting"];
+    let text: String = lib.lines().filter(|line| !line.trim_start().starts_with("//")).collect::<Vec<_>>().join("\n");
+    let mut names = Vec::new();
+    for statement in text.split(';').map(str::trim) {
+        // Of a module with a body only its own name is on the page.
+        if let Some(at) = statement.rfind("pub mod ") {
+            names.extend(statement[at + 8..].split_whitespace().next().map(str::to_string));
+        } else if let Some(path) = statement.strip_prefix("pub use ") {
+            let list = path.rsplit_once("::").map_or(path, |(_, list)| list);
+            let list = path.find('{').map_or(list, |at| &path[at + 1..]);
+            let own = |name: &str| {
+                name.rsplit(" as ").next().map(|name| name.trim_matches(['{', '}', ' ', '\n']).to_string())
+            };
+            names.extend(list.split(',').filter_map(own).filter(|name| !name.is_empty() && name != "*"));
+        }
+    }
+    names.retain(|name| !tables.contains(&name.as_str()));
+    names
+}
+
+#[test]
+fn the_public_page_is_short() {
+    let names = public_names(&fs::read_to_string(root().join("crates/cfpose/src/lib.rs")).unwrap());
+    assert!(names.iter().any(|name| name == "Estimator") && names.iter().any(|name| name == "theta"), "{names:?}");
+    assert!(names.len() <= 60, "{} names: {names:?}", names.len());
+    println!("{} names", names.len());
+}
+
+#[test]
+fn criteria_in_the_method_page_are_those_of_the_code() {
+    let page = fs::read_to_string(root().join("docs/method.md")).unwrap();
+    for row in cfpose::Criteria::default().table() {
+        let begin = format!("| `{}` | {} | {} |", row.name, row.value, row.unit);
+        assert!(page.lines().any(|line| line.starts_with(&begin)), "docs/method.md lacks `{begin}`; run `cfpose docs`");
+    }
+}
+
 #[test]
 fn the_rules_find_what_they_look_for() {
     let good = [("a.rs", "use crate::b::X; // crate::c::Y\nconst T: &str = \"crate::c\";"), ("b.rs", ""), ("c.rs", "")];

@@ -3,10 +3,10 @@
 
 mod common;
 
+use cfpose::distances::Sampling;
 use cfpose::estimator::{By, NoiseModel, Pipeline, Stage};
 use cfpose::free::{Freedom, columns};
 use cfpose::model::PointKind;
-use cfpose::robust::support::Sampling;
 use cfpose::theta::{BlockKind, euler_of_rotation};
 use cfpose::{
     BuildContext, Criteria, Estimator, Execution, Model, Points, Pose, PoseError, Registry, Settings, Start,
@@ -283,7 +283,7 @@ fn refinement_errors(kind: usize, independent: bool, count: usize) -> ([f64; 3],
         assert_eq!(found.refined, found.by == By::Points);
         refined += usize::from(found.refined);
         let never = Pipeline { refine_below: 0.0, ..usual.pipeline().clone() };
-        let criteria = Criteria { refine_gain: 1e9, p_suspect: 0.0, ..Criteria::default() };
+        let criteria = Criteria { refine_nats: f64::NEG_INFINITY, ..Criteria::default() };
         let always = Pipeline { criteria, ..usual.pipeline().clone() };
         let other = [never, always]
             .map(|pipeline| ready(&settings.clone().pipeline(pipeline)).solve(Supervision::default()).unwrap());

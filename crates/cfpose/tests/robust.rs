@@ -1,7 +1,7 @@
 //! Distances between the points after a fit: support, coherence, sampling.
 
 use cfpose::Points;
-use cfpose::robust::support::{Sampling, Support};
+use cfpose::distances::{Sampling, Support};
 use rand::seq::SliceRandom;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha12Rng;

@@ -3,8 +3,8 @@
 use std::sync::Arc;
 
 use cfpose::block::Transform;
+use cfpose::distances::Sampling;
 use cfpose::problem::Noise;
-use cfpose::robust::support::Sampling;
 use cfpose::statistics::{Randomness, feature_covariance};
 use cfpose::{BuildContext, Estimate, Execution, MomentProblem, Points, Pose, Registry, Settings, Start, estimate};
 use cfpose_optim::manifold::{Manifold, rotation_exp};

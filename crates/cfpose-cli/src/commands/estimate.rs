@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::time::Instant;
 
-use cfpose::readout::MAX_ASSIGNED;
+use cfpose::distances::MAX_ASSIGNED;
 use cfpose::{Estimate, Points, Pose, Supervision};
 use cfpose_lab::Lab;
 use cfpose_vision::{Camera, PoseFormat, StampedPose, write_points};

@@ -58,8 +58,9 @@ pub fn run(args: &EvaluateArgs, lab: &Lab) -> Result<(), Failure> {
 fn read_result(args: &EvaluateArgs) -> Result<Value, Failure> {
     let path = Path::new(&args.at);
     if !path.exists() {
-        let at = &args.at;
-        return Err(Failure::usage(format!("--at `{at}` is no list of numbers and no file; give theta, or a result")));
+        let (at, is_path) = (&args.at, args.at.contains(['.', '/']));
+        let hint = if is_path { " and no file; give theta, or a result of estimate" } else { "" };
+        return Err(Failure::usage(format!("--at `{at}` is no list of numbers{hint}")));
     }
     let problem = &args.problem;
     let named = [

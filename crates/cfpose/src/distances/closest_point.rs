@@ -49,6 +49,18 @@ pub struct ClosestPoint {
     pub iterations: usize,
     /// Whether the last step was below the tolerance.
     pub converged: bool,
+    /// Root mean square residual before the first step.
+    pub rms_before: f64,
+    /// Residuals used in the last step.
+    pub rows: usize,
+}
+
+impl ClosestPoint {
+    /// Return the gain in log likelihood over the theta it began with: n log(rms before / rms after) for residuals of one unknown
+    /// variance.
+    pub fn gain(&self) -> f64 {
+        self.rows as f64 * (self.rms_before / self.rms.max(f64::MIN_POSITIVE)).ln()
+    }
 }
 
 /// One linearised system: sums over the pairs.
@@ -68,13 +80,14 @@ pub(crate) fn refine(mover: &Mover<'_>, target: &[[f64; 3]], theta: &[f64], opti
     let mut theta = theta.to_vec();
     let mut normals = Normals::new(mover.len());
     let mut last = None;
-    let (mut iterations, mut converged) = (0, false);
+    let (mut iterations, mut converged, mut rms_before) = (0, false, None);
     for iteration in 0..options.max_iterations {
         iterations = iteration + 1;
         let system = linearise(mover, target, &theta, &mut normals, options);
         if system.rows <= tangent {
             return None;
         }
+        rms_before.get_or_insert((system.square_sum / system.rows as f64).sqrt());
         let mut step = solve_normal(tangent, &system.h, &system.g, 1e-9)?;
         let norm = cfpose_optim::manifold::norm(&step);
         // A linearisation is worth a fifth of a radian, or of the unit.
@@ -101,6 +114,8 @@ pub(crate) fn refine(mover: &Mover<'_>, target: &[[f64; 3]], theta: &[f64], opti
         covariance,
         iterations,
         converged,
+        rms_before: rms_before.unwrap_or(f64::INFINITY),
+        rows: system.rows,
     })
 }
 

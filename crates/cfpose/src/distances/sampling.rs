@@ -33,7 +33,7 @@ impl Sampling {
     /// Return kappa for effective numbers of points.
     ///
     /// ```
-    /// use cfpose::robust::support::Sampling;
+    /// use cfpose::distances::Sampling;
     /// assert_eq!(Sampling::Thinned.kappa(50.0, 100.0), 0.01);
     /// assert_eq!(Sampling::Same.kappa(50.0, 100.0), 0.0);
     /// ```

@@ -51,7 +51,7 @@ impl Support {
     /// target's noise in one coordinate, where it is known.
     ///
     /// ```
-    /// use cfpose::{Points, robust::support::Support};
+    /// use cfpose::{Points, distances::Support};
     /// let line = |y: f64| (0..200).map(|k| [f64::from(k) * 0.01, y]).collect::<Vec<_>>();
     /// let (p, q) = (Points::from_rows(&line(0.0)).unwrap(), Points::from_rows(&line(0.2)).unwrap());
     /// let support = Support::of(&p, &q, None);

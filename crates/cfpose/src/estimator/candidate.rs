@@ -164,6 +164,9 @@ impl Candidate {
         self.outcome.message.clone_from(&fit.message);
         self.outcome.gradient_norm = f64::NAN;
         if let Some(statistics) = &mut self.statistics {
+            // No unknown was fitted to the means: each of them is a degree of freedom again.
+            statistics.degrees_of_freedom += (statistics.covariance.len() as f64).sqrt() as usize;
+            statistics.p_value = chi_square_tail(statistics.j_statistic, statistics.degrees_of_freedom);
             statistics.covariance.clone_from(&fit.covariance);
             statistics.noise_sigma = Some(fit.sigma);
         }

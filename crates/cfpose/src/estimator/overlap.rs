@@ -1,4 +1,4 @@
-//! Partial overlap: a missing part changes the means, so no weighting of all points can repair them (method.md, section 7).
+//! Partial overlap: a missing part changes the means, so no weighting of all points can repair them (docs/method.md, *Partial overlap*).
 //!
 //! What is done instead: trimmed closest points from an even grid of starts, scored by how many points of *both* sides find a
 //! partner; then soft weights on both sides (here 0 or 1), the last stages on what overlaps, and again. The verdict stays

@@ -48,7 +48,7 @@ fn of_model(model: &Model) -> Pipeline {
     if additive && model.normaliser.is_none() { direct(model) } else { plain(model) }
 }
 
-/// Coarse-to-fine waves on the sphere: a wide basin first, then accuracy (method.md, section 7, step 2). A level needs at
+/// Coarse-to-fine waves on the sphere: a wide basin first, then accuracy (docs/method.md, *The stages of `auto`*). A level needs at
 /// least as many functions as there are unknowns: 6, 32, 122, 256.
 fn annealed(unknowns: usize) -> Vec<Stage> {
     let levels = [(1, 0.0, 6), (2, 0.8, 32), (3, 0.6, 122), (4, 0.3, 256)];
@@ -61,7 +61,7 @@ fn annealed(unknowns: usize) -> Vec<Stage> {
     levels.iter().filter(|(_, _, functions)| *functions >= unknowns).map(stage).collect()
 }
 
-/// Rays: method.md, section 7.
+/// Rays: docs/method.md, *The stages of `auto`*.
 fn projective(relations: &Relations, model: &Model) -> Pipeline {
     let mut stages = annealed(model.layout.manifold().tangent());
     // A map without a rotation has no grid of poses to begin from.

@@ -7,7 +7,6 @@ use super::stage::ReadyStage;
 use crate::distances::sampling::Sampling;
 use crate::distances::support::Support;
 use crate::error::Error;
-use crate::statistics::chi_square_tail;
 
 /// Refine a candidate where that gains.
 ///
@@ -15,8 +14,11 @@ use crate::statistics::chi_square_tail;
 /// are the same points under noise, the nearest point is not the true partner, and the refinement is biased: it is never
 /// tried there, nor on lattices, which it locks onto. Elsewhere it is taken when
 /// 1. the noise along the normals does not change who is nearest, or is small against the shape;
-/// 2. its own covariance is not larger than that of the means, direction by direction;
-/// 3. J of the weighted problem at the refined theta stays within its chi-square.
+/// 2. the log likelihood of the distances along the normals does not fall: its maximum is the better estimate of independent
+///    samples, and a loss says that the closest points locked onto something else;
+/// 3. the distances between the points do not grow.
+///
+/// The covariances of both estimates do not decide: that of means is too small for few independent points.
 pub(super) fn refine(
     candidate: &mut Candidate,
     stage: &ReadyStage,
@@ -38,37 +40,23 @@ pub(super) fn refine(
     if support.normal_sigma > limit || !is_close(&support, &before) {
         return Ok(());
     }
-    let mut refined = candidate.clone();
+    if fit.gain() < parts.criteria.refine_nats {
+        return Ok(());
+    }
     let mut fit = PointFit::of(fit, "closest points");
     // The scatter of the residuals is that of one sampling; where there are two, both move the estimate.
     let samplings = if candidate.sampling == Some(Sampling::Independent) { 2.0 } else { 1.0 };
     fit.covariance.iter_mut().for_each(|value| *value *= samplings);
     fit.sigma = support.normal_sigma;
-    refined.take(&fit);
-    if gains(candidate, &refined, parts) {
-        refined.support = Some(support);
-        refined.refined = true;
-        *candidate = refined;
-    }
+    candidate.take(&fit);
+    candidate.support = Some(support);
+    candidate.refined = true;
     Ok(())
 }
 
 /// Say whether the refined support is no worse than before; below the spacing, distances between points do not rank thetas.
 fn is_close(support: &Support, before: &Support) -> bool {
     support.target_rms <= (1.001 * before.target_rms).max(before.source_spacing)
-}
-
-/// Say whether the refined covariance is smaller and the means do not refuse the refined theta.
-fn gains(before: &Candidate, refined: &Candidate, parts: &Parts) -> bool {
-    let (Some(old), Some(new)) = (&before.statistics, &refined.statistics) else { return true };
-    let n = (old.covariance.len() as f64).sqrt() as usize;
-    // The mean of log ratios of deviations does not depend on the units of theta.
-    let ratio = |j: usize| (new.covariance[j * n + j] / old.covariance[j * n + j]).max(1e-300).ln();
-    let mean = (0..n).map(ratio).sum::<f64>() / (2 * n.max(1)) as f64;
-    let smaller = mean.exp() <= parts.criteria.refine_gain;
-    // J may grow by what the covariance of the means allows: a chi-square of the number of parameters.
-    let grown = (new.j_statistic - old.j_statistic).max(0.0);
-    smaller && chi_square_tail(grown, n) >= parts.criteria.p_suspect
 }
 
 /// Say whether a side is a lattice: most nearest distances are equal.

@@ -265,13 +265,15 @@ impl<'a> Search<'a> {
         Ok(ranked(found))
     }
 
-    /// Return the tangent norm between two thetas of the first stage's length or longer.
+    /// Return the tangent norm between two thetas of the model's own length or longer.
     pub fn distance(&self, a: &[f64], b: &[f64]) -> f64 {
         let manifold = self.last().model().layout.manifold();
         let own = manifold.ambient();
         let mut step = vec![0.0; manifold.tangent()];
         manifold.local(&a[..own], &b[..own], &mut step);
-        cfpose_optim::manifold::norm(&step)
+        // Opposite unit vectors have no tangent step between them: their chord tells them apart.
+        let chord = a[..own].iter().zip(&b[..own]).map(|(x, y)| (x - y).powi(2)).sum::<f64>().sqrt();
+        cfpose_optim::manifold::norm(&step).max(0.5 * chord)
     }
 
     /// Say whether two thetas count as one.

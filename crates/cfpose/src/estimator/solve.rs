@@ -206,7 +206,11 @@ impl ReadyStage {
             return Some(first);
         }
         let options = closest_point::Options { max_iterations: 3, ..options };
-        closest_point::refine(&mover, &all, &first.theta, &options)
+        let fit = closest_point::refine(&mover, &all, &first.theta, &options)?;
+        // What was gained is counted on all points, not on those of the first steps.
+        let begin =
+            closest_point::refine(&mover, &all, theta, &closest_point::Options { max_iterations: 1, ..options })?;
+        Some(ClosestPoint { rms_before: begin.rms_before, ..fit })
     }
 }
 

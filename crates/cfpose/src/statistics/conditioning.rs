@@ -50,7 +50,7 @@ impl Conditioning {
 /// Columns after the layout's own are nuisance parameters.
 ///
 /// ```
-/// use cfpose::conditioning::observe;
+/// use cfpose::statistics::conditioning::observe;
 /// use cfpose::theta::Layout;
 /// // Six unknowns; nothing reacts to the third rotation.
 /// let mut jacobian = vec![0.0; 36];

@@ -10,7 +10,7 @@
 ///
 /// ```
 /// let cost = [4.0, 1.0, 3.0, 2.0, 0.0, 5.0, 3.0, 2.0, 2.0];
-/// assert_eq!(cfpose::readout::assign(&cost, 3), Some(vec![1, 0, 2]));
+/// assert_eq!(cfpose::distances::assign(&cost, 3), Some(vec![1, 0, 2]));
 /// ```
 ///
 /// Returns `None` when the length is no multiple of `columns`, when there are more rows than columns, or for a NaN.
