@@ -117,3 +117,38 @@ fn a_reader_that_goes_away_ends_the_program_quietly() {
     assert!(child.wait().unwrap().code().is_some());
     assert_eq!(err, "");
 }
+
+#[test]
+fn a_result_is_evaluated_as_it_was_minimised() {
+    let desk = Desk::new();
+    let rows = cloud(400, 5);
+    desk.write_rows("p.csv", &rows);
+    let mut moved = apply(&random_pose(6, 0.2), &rows);
+    common::shuffle(&mut moved, 7);
+    // A tenth of the target is clutter, so that rows are left out.
+    moved.extend(cloud(40, 8).into_iter().map(|row| vec![row[0] + 3.0, row[1] - 2.0, row[2]]));
+    desk.write_rows("q.csv", &moved);
+    let files = "--source p.csv --target q.csv";
+    for parts in ["", "--preset paper", "--weighting two-step --features hermite[degree=3]", "--free rx,ry,rz,tx"] {
+        let result = desk.json(&format!("estimate --model rigid3 {files} {parts}"));
+        desk.write("r.json", &result.to_string());
+        let evaluation = desk.json(&format!("evaluate --model rigid3 {files} --at r.json"));
+        let [cost, again] = [&result, &evaluation].map(|value| value["cost"].as_f64().unwrap());
+        assert!((cost - again).abs() <= 1e-9 * cost.abs(), "`{parts}`: {cost} {again}");
+        if let Some(j) = result["j_statistic"].as_f64() {
+            assert!((j - 2.0 * again).abs() <= 1e-9 * j, "`{parts}`: J {j}, cost {again}");
+        }
+        assert_eq!(evaluation["theta"], result["theta"]);
+        for part in ["features", "normalise", "weighting"] {
+            assert_eq!(evaluation[part], result[part]);
+        }
+        let width = evaluation["jacobian"][0].as_array().unwrap().len();
+        let nuisance = evaluation["nuisance"].as_array().unwrap().len();
+        assert_eq!(width, result["free"].as_array().unwrap().len() + nuisance);
+    }
+    // A result has parts of its own, and it is one of its model.
+    let refused = desk.fails(2, &format!("evaluate --model rigid3 {files} --at r.json --features trig18"));
+    assert!(refused.contains("--features beside a result"), "{refused}");
+    let refused = desk.fails(3, &format!("evaluate --model similarity3 {files} --at r.json"));
+    assert!(refused.contains("give --model 'rigid3'"), "{refused}");
+}

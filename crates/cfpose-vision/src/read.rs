@@ -21,7 +21,7 @@ pub struct PointFile {
     pub points: Points,
     /// Names of the coordinates, then `w` if the file has weights.
     pub columns: Vec<String>,
-    /// Name of the format in [`FORMATS`].
+    /// Name of the format.
     pub format: &'static str,
     /// The file as it was named.
     pub path: PathBuf,

@@ -11,7 +11,7 @@ use crate::scalar::Scalar;
 const LN_2: [f64; 2] = [6.931_471_803_691_238e-1, 1.908_214_929_270_587_7e-10];
 
 /// 2/3 in two parts.
-const TWO_THIRDS: [f64; 2] = [6.666_666_666_666_666e-1, 3.700_743_415_417_188_5e-17];
+const TWO_THIRDS: [f64; 2] = [6.666_666_666_666_666e-1, 3.700_743_415_417_188e-17];
 
 impl<S: Simd> Lane<S> {
     /// Return (m, n) with e^(self + tail) = m 2^n for |self| up to 720 (beyond, that of 720) and a small tail.
@@ -108,7 +108,7 @@ impl<S: Simd> Lane<S> {
     #[inline(always)]
     fn log_edges(self, value: Self) -> Self {
         // 0 for finite numbers, NaN for NaN and infinity.
-        let value = value + (self - self);
+        let value = value + self * 0.0;
         let value = self.all(f64::MAX).select_less(self, self, value);
         let value = self.select_less(self.all(f64::from_bits(1)), self.all(f64::NEG_INFINITY), value);
         self.select_less(self.all(0.0), self.all(f64::NAN), value)
@@ -198,8 +198,8 @@ impl<S: Simd> Lane<S> {
         let tail = log.mul_add(factor, -product) + log_tail * factor;
         // Beyond the range of the exponential the tail means nothing and may be NaN.
         let inside = product.abs().select_less(self.all(740.0), tail, zero);
-        // size - size: 0 for finite numbers, NaN for NaN and infinity.
-        let value = product.exp_with(Some(inside)) + (size - size);
+        // size * 0: 0 for finite numbers, NaN for NaN and infinity.
+        let value = product.exp_with(Some(inside)) + size * 0.0;
         let (small, large) = if exponent > 0.0 { (0.0, f64::INFINITY) } else { (f64::INFINITY, 0.0) };
         let value = size.select_less(self.all(f64::from_bits(1)), self.all(small), value);
         let value = self.all(f64::MAX).select_less(size, self.all(large), value);

@@ -74,35 +74,6 @@ pub(crate) fn least_axis3(a: &[[f64; 3]; 3]) -> ([f64; 3], [f64; 3]) {
     (values, axis)
 }
 
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_least_axis_agrees_with_the_general_routine() {
-        let mut state = 7_u64;
-        let mut draw = || {
-            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-            (state >> 11) as f64 / (1_u64 << 53) as f64 - 0.5
-        };
-        for _ in 0..200 {
-            // A flat neighbourhood: the third direction has a hundredth of the others' spread.
-            let basis: [[f64; 3]; 3] = std::array::from_fn(|_| std::array::from_fn(|_| draw()));
-            let scale = [1.0, 0.6, 0.01];
-            let matrix: [[f64; 3]; 3] = std::array::from_fn(|i| {
-                std::array::from_fn(|j| (0..3).map(|k| scale[k] * scale[k] * basis[k][i] * basis[k][j]).sum())
-            });
-            let (values, axes) = symmetric_eigen(&matrix, 3);
-            let (fast, axis) = least_axis3(&matrix);
-            for k in 0..3 {
-                assert!((values[k] - fast[k]).abs() < 1e-12 * values[0].max(1.0), "{values:?} {fast:?}");
-            }
-            let cosine: f64 = (0..3).map(|d| axis[d] * axes[2][d]).sum();
-            assert!(values[2] > 0.05 * values[1] || 1.0 - cosine.abs() < 1e-9, "{cosine} {values:?}");
-        }
-    }
-}
-
 /// Solve (H + damping diag H) x = g for a symmetric positive semi-definite H (n x n).
 pub(crate) fn solve_normal(n: usize, h: &[f64], g: &[f64], damping: f64) -> Option<Vec<f64>> {
     use faer::linalg::solvers::Solve;
@@ -146,4 +117,33 @@ pub(crate) fn invert(n: usize, h: &[f64]) -> Option<Vec<f64>> {
         (0..n).for_each(|i| out[i * n + j] = column[i]);
     }
     Some(out)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_least_axis_agrees_with_the_general_routine() {
+        let mut state = 7_u64;
+        let mut draw = || {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            (state >> 11) as f64 / (1_u64 << 53) as f64 - 0.5
+        };
+        for _ in 0..200 {
+            // A flat neighbourhood: the third direction has a hundredth of the others' spread.
+            let basis: [[f64; 3]; 3] = std::array::from_fn(|_| std::array::from_fn(|_| draw()));
+            let scale = [1.0, 0.6, 0.01];
+            let matrix: [[f64; 3]; 3] = std::array::from_fn(|i| {
+                std::array::from_fn(|j| (0..3).map(|k| scale[k] * scale[k] * basis[k][i] * basis[k][j]).sum())
+            });
+            let (values, axes) = symmetric_eigen(&matrix, 3);
+            let (fast, axis) = least_axis3(&matrix);
+            for k in 0..3 {
+                assert!((values[k] - fast[k]).abs() < 1e-12 * values[0].max(1.0), "{values:?} {fast:?}");
+            }
+            let cosine: f64 = (0..3).map(|d| axis[d] * axes[2][d]).sum();
+            assert!(values[2] > 0.05 * values[1] || 1.0 - cosine.abs() < 1e-9, "{cosine} {values:?}");
+        }
+    }
 }
