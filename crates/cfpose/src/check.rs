@@ -16,7 +16,7 @@ use rand_chacha::ChaCha12Rng;
 use crate::entry::BuildContext;
 use crate::error::Error;
 use crate::model::{Model, PointKind};
-use crate::problem::{MomentProblem, adapt, map_points, transformed};
+use crate::problem::{MomentProblem, Noise, Sides, adapt, map_points};
 use crate::registry::Registry;
 
 /// Random points and a random theta on which a model can be checked.
@@ -96,18 +96,17 @@ impl Sample {
         family: &str,
         execution: &Execution,
     ) -> Result<Option<MomentProblem>, Error> {
-        let lifted = self.model.target.map().lift(&self.target);
-        let mapped = map_points(self.model.target.map(), &lifted, &self.theta, execution)
-            .map_err(|problem| Error::Points { side: "target", problem })?;
-        let normalised =
-            transformed(&mapped, &self.transform).map_err(|problem| Error::Points { side: "target", problem })?;
-        let context = BuildContext { dim: self.model.dim(), target: Some(&normalised), ..BuildContext::default() };
-        let family = match registry.family(family, &context) {
-            Err(Error::Build(crate::entry::BuildError::Data { .. })) => return Ok(None),
-            family => Arc::from(family?),
-        };
+        let normaliser = registry.normaliser(self.model.normaliser.unwrap_or("paper"))?;
+        let (source, target) = (Arc::new(self.source.clone()), Arc::new(self.target.clone()));
         let model = Arc::clone(&self.model);
-        let problem = MomentProblem::new(model, family, self.transform, &self.source, &self.target, execution.clone());
+        let mut sides = Sides::new(model, normaliser.as_ref(), source, target, &self.theta, execution)?;
+        // The sample's own: of given points it is that of their image.
+        sides.transform = self.transform;
+        let family = match sides.family(&BuildContext::default(), |context| registry.family(family, context)) {
+            Err(Error::Build(crate::entry::BuildError::Data { .. })) => return Ok(None),
+            family => family?,
+        };
+        let problem = sides.problem(&family, Noise::None, None);
         Ok(problem.require_enough_features().is_ok().then_some(problem))
     }
 }

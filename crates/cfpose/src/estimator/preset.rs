@@ -94,15 +94,19 @@ fn projective(relations: &Relations, model: &Model) -> Pipeline {
     }
 }
 
-/// Maps of the plane or of space onto itself.
+/// Maps of the plane or of space onto itself. A model that says nothing about itself but its map gets these stages too, where the
+/// waves have more functions than it has unknowns.
 fn direct(model: &Model) -> Pipeline {
-    let dim = model.dim();
-    if dim == 1 || model.linear.is_none() {
+    let (dim, unknowns) = (model.dim(), model.layout.manifold().tangent());
+    let waves = if dim == 3 { 32 } else { 12 };
+    let known = model.linear.is_some() || model.regulariser.is_none() && unknowns < waves;
+    if dim == 1 || !known {
         return plain(model);
     }
     let global = match model.linear.as_ref().map(|group| group.kind) {
         Some(LinearKind::General) => "whitened-affine",
         Some(_) => "pca",
+        None if rotates(model) => "grid[count=72,keep=8]",
         None => "identity",
     };
     let stages = vec![
@@ -133,7 +137,12 @@ fn direct(model: &Model) -> Pipeline {
 
 /// Models without additive noise: their own features, the identity weighting, no statistic.
 fn plain(model: &Model) -> Pipeline {
-    let rotates = model.layout.blocks().iter().any(|block| matches!(block.kind, BlockKind::Rotation));
-    let global = if model.linear.is_some() || !rotates { None } else { Some("grid[count=72,keep=8]".to_string()) };
+    let no_grid = model.linear.is_some() || !rotates(model);
+    let global = if no_grid { None } else { Some("grid[count=72,keep=8]".to_string()) };
     Pipeline { global_start: global, ..Pipeline::new(vec![Stage::new("only", model.basin.features)]) }
+}
+
+/// Say whether theta has a rotation.
+fn rotates(model: &Model) -> bool {
+    model.layout.blocks().iter().any(|block| matches!(block.kind, BlockKind::Rotation))
 }

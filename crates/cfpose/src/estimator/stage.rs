@@ -109,11 +109,15 @@ impl<'a> Workbench<'a> {
             }
             thin(&points, limit, &mut rng).map(Arc::new).map_err(of_side(side))
         };
+        if let Some(key) = model.source.attribute().filter(|key| self.data.source.attribute(key).is_none()) {
+            let problem = format!("model `{name}` needs the attribute `{key}` of every source point");
+            return Err(Error::Unsupported(problem));
+        }
         let source = choose("source", adapt("source", name, model.source_points, &self.data.source)?, limits[0])?;
         let target = choose("target", adapt("target", name, model.target_points, &self.data.target)?, limits[1])?;
         let built = self.parts.registry.normaliser(normaliser)?;
         let (model, reference) = (Arc::clone(model), &self.parts.reference);
-        let sides = Sides::new(name, model, built.as_ref(), source, target, reference, &self.parts.execution)?;
+        let sides = Sides::new(model, built.as_ref(), source, target, reference, &self.parts.execution)?;
         self.sides.push((key, sides.clone()));
         Ok(sides)
     }

@@ -34,14 +34,12 @@ pub struct Sides {
 }
 
 impl Sides {
-    /// Make both sides of a model (`name` is for messages) ready. `source` and `target` are as the model takes them; `reference`
-    /// (ambient) fixes the statistics of a target side that moves with theta.
+    /// Make both sides of a model ready. `source` and `target` are as the model takes them; `reference` (ambient) fixes the
+    /// statistics of a target side that moves with theta.
     ///
     /// # Errors
-    /// [`Error`] for an attribute that the model needs and the source lacks, points that the target's map sends to infinity, and
-    /// a target that cannot be normalised.
+    /// [`Error`] for points that the target's map sends to infinity, and a target that cannot be normalised.
     pub fn new(
-        name: &str,
         model: Arc<Model>,
         normaliser: &dyn Normaliser,
         source: Arc<Points>,
@@ -49,10 +47,6 @@ impl Sides {
         reference: &[f64],
         execution: &Execution,
     ) -> Result<Self, Error> {
-        if let Some(key) = model.source.attribute().filter(|key| source.attribute(key).is_none()) {
-            let problem = format!("model `{name}` needs the attribute `{key}` of every source point");
-            return Err(Error::Unsupported(problem));
-        }
         let lifted_source = Arc::new(model.source.lift(&source));
         let lifted_target = Arc::new(model.target.map().lift(&target));
         let mapped = map_points(model.target.map(), &lifted_target, reference, execution).map_err(of_target)?;
