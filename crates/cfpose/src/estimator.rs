@@ -9,13 +9,12 @@ use cfpose_optim::outcome::Counts;
 use cfpose_optim::{LeastSquares, Observer, Outcome, Status};
 
 use crate::criteria::Criteria;
-use crate::distances::correspondence::{Correspondence, correspond, nearest_neighbours};
 use crate::entry::BuildContext;
 use crate::error::Error;
 use crate::geometry::free::Freedom;
 use crate::geometry::pose::Pose;
 use crate::model::Model;
-use crate::problem::{Evaluation, MomentProblem, adapt, map_points};
+use crate::problem::MomentProblem;
 use crate::registry::Registry;
 use crate::statistics::conditioning::{Conditioning, observe};
 use cfpose_kernel::means::Execution;
@@ -25,11 +24,13 @@ mod alternatives;
 mod candidate;
 mod continuous;
 mod estimate;
+mod evaluate;
 mod outliers;
 mod overlap;
 mod pipeline;
 mod preset;
 mod ransac;
+mod read_off;
 mod refine;
 mod run;
 mod schedule;
@@ -38,6 +39,7 @@ mod settings;
 mod solve;
 mod stage;
 mod verdict;
+mod workbench;
 
 pub use candidate::{By, Minimised, WeightedAt};
 pub use estimate::{Alternative, Estimate, StageReport};
@@ -46,7 +48,7 @@ pub use settings::{PRESETS, Settings, Start};
 pub use verdict::Verdict;
 
 use search::{Search, Stages};
-use stage::{Data, Workbench, of_side};
+use workbench::Data;
 
 /// Cancel flag, deadline and observer of an estimate.
 #[derive(Default)]
@@ -277,84 +279,6 @@ impl Estimator {
         }
     }
 
-    /// Evaluate the named parts at one theta (ambient), without solving: exactly the model of the settings, its features
-    /// (`trig18` where none are named), its weighting at that theta (the identity where none is named), no noise.
-    ///
-    /// Returns what was evaluated beside the evaluation.
-    ///
-    /// # Errors
-    /// As [`Estimator::new`].
-    pub fn evaluate(&self, theta: &[f64]) -> Result<(Minimised, Evaluation), Error> {
-        let settings = &self.parts.settings;
-        let stage = match &settings.pipeline {
-            Some(_) => self.stages.last().stage.clone(),
-            None => Stage {
-                normaliser: settings.normaliser.clone(),
-                weighting: settings.weighting.clone().unwrap_or_else(|| "identity".to_string()),
-                ..Stage::new("evaluated", settings.features.as_deref().unwrap_or("trig18"))
-            },
-        };
-        let data = self.stages.data.clone();
-        let ready = Workbench::new(&self.parts, &data).stage(&stage)?;
-        let at = ready.adopt(theta, &self.parts);
-        let weighted_at = ready.weighting_at(&at, &self.parts)?;
-        let problem = ready.rebuilt(weighted_at.as_ref(), settings.seed)?;
-        let evaluation = problem.evaluate(&at);
-        let minimised = Minimised {
-            stage: ready.stage,
-            theta: at,
-            reference: self.parts.reference.clone(),
-            weighted_at,
-            left_out_source: Vec::new(),
-            left_out_target: Vec::new(),
-            free: settings.free.clone(),
-            seed: settings.seed,
-        };
-        Ok((minimised, evaluation))
-    }
-
-    /// Evaluate what an estimate minimised last, at its theta: gives the cost of that estimate.
-    ///
-    /// # Errors
-    /// As [`Estimator::new`]; [`Error::Unsupported`] when the rows that were left out are not rows of these points.
-    pub fn evaluate_minimised(&self, minimised: &Minimised) -> Result<Evaluation, Error> {
-        let data = &self.stages.data;
-        for (side, left_out, len) in [
-            ("source", &minimised.left_out_source, data.source.len()),
-            ("target", &minimised.left_out_target, data.target.len()),
-        ] {
-            if let Some(row) = left_out.iter().find(|row| !(1..=len).contains(*row)) {
-                let problem =
-                    format!("the result left row {row} of the {side} out, which has {len}; give the same files");
-                return Err(Error::Unsupported(problem));
-            }
-        }
-        let source = Minimised::kept(&minimised.left_out_source, data.source.len());
-        let target = Minimised::kept(&minimised.left_out_target, data.target.len());
-        let data = data.keep(source.as_deref(), target.as_deref())?;
-        let model = self.model();
-        if minimised.theta.len() < model.layout.manifold().ambient() {
-            let (found, expected) = (minimised.theta.len(), model.layout.manifold().ambient());
-            let problem = format!("the result's theta has {found} numbers, the model needs at least {expected}");
-            return Err(Error::Unsupported(problem));
-        }
-        let parts = Parts {
-            registry: self.parts.registry.clone(),
-            settings: Settings { seed: minimised.seed, ..self.parts.settings.clone() },
-            criteria: self.parts.criteria.clone(),
-            freedom: minimised.free.as_ref().map(|free| Freedom::new(&model.layout, free, &minimised.theta)),
-            reference: minimised.reference.clone(),
-            execution: self.parts.execution.clone(),
-        };
-        let ready = Workbench::new(&parts, &data).stage(&minimised.stage)?;
-        if minimised.theta.len() != ready.problem.manifold().ambient() {
-            let (found, expected) = (minimised.theta.len(), ready.problem.manifold().ambient());
-            let problem = format!("the result's theta has {found} numbers, its stage needs {expected}");
-            return Err(Error::Unsupported(problem));
-        }
-        Ok(ready.rebuilt(minimised.weighted_at.as_ref(), minimised.seed)?.evaluate(&minimised.theta))
-    }
-
     /// Return the problem of the last stage, not weighted, with its nuisance parameters.
     pub fn problem(&self) -> &MomentProblem {
         &self.stages.last().problem
@@ -376,52 +300,6 @@ impl Estimator {
     /// [`Error::Unsupported`] for a strategy that does not apply to the model.
     pub fn starts(&self) -> Result<Vec<Vec<f64>>, Error> {
         Search::new(&self.parts, &self.pipeline, &self.stages).given()
-    }
-
-    /// Return for each source point the index (from 0) of its nearest target point at theta.
-    ///
-    /// # Errors
-    /// [`Error::Points`] when a mapped point is not finite.
-    pub fn correspondence(&self, theta: &[f64]) -> Result<Vec<usize>, Error> {
-        let (source, target) = self.mapped(theta)?;
-        Ok(nearest_neighbours(&source, &target))
-    }
-
-    /// Match the points at theta, one to one for small sets, with statistics of the distances in the feature space.
-    ///
-    /// `threshold` is the distance up to which a pair is an inlier; `None` takes half the median spacing of the target.
-    ///
-    /// # Errors
-    /// As [`Estimator::correspondence`].
-    pub fn matches(&self, theta: &[f64], threshold: Option<f64>) -> Result<Correspondence, Error> {
-        let (source, target) = self.mapped(theta)?;
-        Ok(correspond(&source, &target, threshold))
-    }
-
-    /// Map all source points into the feature space of the last stage at theta, not normalised.
-    ///
-    /// # Errors
-    /// As [`Estimator::correspondence`].
-    pub fn mapped_source(&self, theta: &[f64]) -> Result<Points, Error> {
-        self.stages.last().mapped_source(theta)
-    }
-
-    /// Map all points of both sides (source, target) into the feature space of the last stage at theta, not normalised.
-    ///
-    /// # Errors
-    /// As [`Estimator::correspondence`].
-    pub fn mapped(&self, theta: &[f64]) -> Result<(Points, Points), Error> {
-        let (model, data) = (self.model(), &self.stages.data);
-        let target = adapt("target", &self.parts.settings.model, model.target_points, &data.target)?;
-        let (map, own) = (model.target.map(), &theta[..self.stages.last().own()]);
-        let target = map_points(map, &map.lift(&target), own, &self.parts.execution).map_err(of_side("target"))?;
-        Ok((self.mapped_source(theta)?, target))
-    }
-
-    /// Return the homography (row by row) that a theta applies to image or plane points (x, y, 1) of the source, for models
-    /// that do; [`crate::geometry::homography`] brings it into the units of the files and decomposes it.
-    pub fn homography(&self, theta: &[f64]) -> Option<[f64; 9]> {
-        self.model().homography.map(|matrix| matrix(theta))
     }
 
     /// Return the number of free tangent directions of the model.

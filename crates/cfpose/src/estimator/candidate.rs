@@ -8,7 +8,8 @@ use serde::{Deserialize, Serialize};
 
 use super::Parts;
 use super::pipeline::Stage;
-use super::stage::{Data, ReadyStage};
+use super::stage::ReadyStage;
+use super::workbench::Data;
 use crate::distances::sampling::Sampling;
 use crate::distances::support::Support;
 use crate::problem::MomentProblem;

@@ -4,7 +4,7 @@ use super::Supervision;
 use super::candidate::{Candidate, PointFit};
 use super::pipeline::{NoiseModel, Outliers, Pipeline};
 use super::search::{Search, Stages};
-use super::stage::of_side;
+use super::workbench::of_side;
 use crate::distances::neighbours::Neighbours;
 use crate::distances::sampling::thin;
 use crate::distances::support::Support;
@@ -129,7 +129,7 @@ impl Search<'_> {
     /// Run the stages from `first` on, on a part of the points, from theta.
     pub fn on_part(
         &mut self,
-        data: super::stage::Data,
+        data: super::workbench::Data,
         first: usize,
         theta: &[f64],
         supervision: &mut Supervision<'_>,

@@ -7,7 +7,7 @@
 use super::Supervision;
 use super::candidate::PointFit;
 use super::search::Search;
-use super::stage::of_side;
+use super::workbench::of_side;
 use crate::distances::closest_point;
 use crate::distances::neighbours::Neighbours;
 use crate::distances::sampling::thin;

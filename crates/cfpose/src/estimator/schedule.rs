@@ -7,7 +7,8 @@ use cfpose_optim::manifold::norm;
 use cfpose_optim::problem::LeastSquares;
 
 use super::solve::Runner;
-use super::stage::{ReadyStage, of_side};
+use super::stage::ReadyStage;
+use super::workbench::of_side;
 use crate::distances::sampling::thin;
 use crate::error::Error;
 use crate::geometry::linalg::invert;
