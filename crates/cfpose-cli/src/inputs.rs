@@ -233,7 +233,7 @@ fn to_image(points: Points, camera: Option<Camera>, path: &Path) -> Result<Point
 /// Put the name of the file before an error about its points.
 pub fn name_file(error: cfpose::Error, args: &ProblemArgs, target: &Points) -> Failure {
     // What the reader accepted is finite, so the model made a value that is not.
-    if let cfpose::Error::Points { side: "target", problem: PointsError::NotFinite { row, .. } } = &error {
+    if let cfpose::Error::Points { side: cfpose::Side::Target, problem: PointsError::NotFinite { row, .. } } = &error {
         let is_zero = row.checked_sub(1).is_some_and(|k| k < target.len() && target.point(k) == [0.0; 3]);
         let problem = if is_zero && target.dim() == 3 {
             "the ray 0 0 0 has no direction; remove it"
@@ -243,9 +243,8 @@ pub fn name_file(error: cfpose::Error, args: &ProblemArgs, target: &Points) -> F
         return Failure::input(format!("{}: point {row}: {problem}", args.target.display()));
     }
     let path = match &error {
-        cfpose::Error::Points { side: "source", .. } | cfpose::Error::PointDimension { side: "source", .. } => {
-            Some(&args.source)
-        }
+        cfpose::Error::Points { side: cfpose::Side::Source, .. }
+        | cfpose::Error::PointDimension { side: cfpose::Side::Source, .. } => Some(&args.source),
         cfpose::Error::Points { .. } | cfpose::Error::PointDimension { .. } | cfpose::Error::Normalise { .. } => {
             Some(&args.target)
         }

@@ -199,6 +199,19 @@ fn an_estimator_is_data() {
 }
 
 #[test]
+fn an_estimate_serialises_under_the_names_of_its_fields() {
+    let case = Case::new("cloud3[points=500]", 0);
+    let estimate = case.solve("auto").estimate;
+    let value = serde_json::to_value(&estimate).unwrap();
+    assert_eq!((&value["verdict"], &value["by"]), (&"good".into(), &"moments".into()));
+    assert_eq!(value["theta"].as_array().unwrap().len(), 12);
+    assert_eq!(value["outcome"]["status"], estimate.outcome.status.name());
+    assert_eq!(value["statistics"]["covariance"].as_array().unwrap().len(), 36);
+    let minimised: cfpose::estimator::Minimised = serde_json::from_value(value["minimised"].clone()).unwrap();
+    assert_eq!(minimised, estimate.minimised);
+}
+
+#[test]
 fn small_subsets_first_lead_to_the_same_theta() {
     // The same points without noise: the full set has the truth for its solution, every subset a sampling error.
     let case = Case::new("cloud3[points=20000]", 0);

@@ -1,7 +1,10 @@
 //! The result of a solve: best point, status, counts, trace.
 
+use serde::Serialize;
+
 /// Why a solve ended.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize)]
+#[serde(rename_all = "kebab-case")]
 pub enum Status {
     /// The gradient test held.
     GradientTolerance,
@@ -61,7 +64,7 @@ impl Status {
 }
 
 /// Numbers of evaluations.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
 pub struct Counts {
     /// Outer iterations.
     pub iterations: usize,
@@ -74,7 +77,7 @@ pub struct Counts {
 }
 
 /// One accepted or rejected iteration.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct TraceRow {
     /// Iteration, from 0 (the start).
     pub iteration: usize,
@@ -93,7 +96,7 @@ pub struct TraceRow {
 }
 
 /// What a solve returns, whatever happened.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Outcome {
     /// Best point seen, ambient coordinates.
     pub theta: Vec<f64>,

@@ -14,7 +14,7 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha12Rng;
 
 use crate::entry::BuildContext;
-use crate::error::Error;
+use crate::error::{Error, Side};
 use crate::model::{Model, PointKind};
 use crate::problem::{MomentProblem, Noise, Sides, adapt, map_points};
 use crate::registry::Registry;
@@ -42,7 +42,7 @@ fn draw_points(kind: PointKind, count: usize, rng: &mut ChaCha12Rng) -> Result<P
     let columns = (0..dim).map(|_| (0..count).map(|_| rng.random::<f64>() - 0.5).collect()).collect();
     let points = Points::from_columns(columns);
     let points = if constant { points.and_then(|p| p.with_constant_coordinate(1.0)) } else { points };
-    points.map_err(|problem| Error::Points { side: "sample", problem })
+    points.map_err(|problem| Error::Points { side: Side::Source, problem })
 }
 
 impl Sample {
@@ -61,7 +61,7 @@ impl Sample {
         manifold.retract(&model.typical, &step, &mut theta);
         let lifted = model.target.map().lift(&target);
         let mapped = map_points(model.target.map(), &lifted, &theta, &Execution::default())
-            .map_err(|problem| Error::Points { side: "target", problem })?;
+            .map_err(|problem| Error::Points { side: Side::Target, problem })?;
         let normaliser = model.normaliser.unwrap_or("paper");
         let transform = registry.normaliser(normaliser)?.fit(&mapped)?;
         Ok(Self { model, source, target, theta, transform })
@@ -74,9 +74,9 @@ impl Sample {
     /// [`Error`] when the model cannot be built, takes points of another dimension or maps one to infinity.
     pub fn on(registry: &Registry, model: &str, points: &Points, spread: f64, seed: u64) -> Result<Self, Error> {
         let drawn = Self::draw(registry, model, 2, spread, seed)?;
-        let source = adapt("source", model, drawn.model.source_points, &Arc::new(points.clone()))?.as_ref().clone();
+        let source = adapt(Side::Source, model, drawn.model.source_points, &Arc::new(points.clone()))?.as_ref().clone();
         let execution = Execution::default();
-        let place = |problem| Error::Points { side: "source", problem };
+        let place = |problem| Error::Points { side: Side::Source, problem };
         let lifted = drawn.model.source.lift(&source);
         let image = map_points(drawn.model.source.as_ref(), &lifted, &drawn.theta, &execution).map_err(place)?;
         let moving = drawn.model.target.is_moving();

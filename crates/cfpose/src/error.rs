@@ -5,8 +5,27 @@ use cfpose_kernel::points::PointsError;
 use crate::entry::BuildError;
 use crate::geometry::theta::ThetaError;
 
+/// One of the two point sets.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Side {
+    /// P, the points that are mapped.
+    Source,
+    /// Q, the points that they are compared with.
+    Target,
+}
+
+impl std::fmt::Display for Side {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            Side::Source => "source",
+            Side::Target => "target",
+        })
+    }
+}
+
 /// Everything that can go wrong before or around an estimate; not converging is a status, not an error.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
 pub enum Error {
     /// A name, parameter or the data an entry is built from.
     #[error(transparent)]
@@ -14,16 +33,16 @@ pub enum Error {
     /// A point set.
     #[error("{side} points: {problem}")]
     Points {
-        /// `source` or `target`.
-        side: &'static str,
+        /// Which set.
+        side: Side,
         /// What is wrong.
         problem: PointsError,
     },
     /// The dimension of a point set does not fit the model.
     #[error("{side} points have {found} coordinates, model `{model}` takes {expected}")]
     PointDimension {
-        /// `source` or `target`.
-        side: &'static str,
+        /// Which set.
+        side: Side,
         /// Name of the model.
         model: String,
         /// What the model takes, in words.

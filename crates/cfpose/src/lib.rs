@@ -31,7 +31,7 @@ mod streams;
 // For a user: two point sets to an estimate.
 pub use cfpose_kernel::{Attribute, Execution, Isa, Points, PointsError};
 pub use criteria::Criteria;
-pub use error::Error;
+pub use error::{Error, Side};
 pub use estimator::{Estimate, Estimator, Settings, Start, Supervision, Verdict, estimate};
 pub use geometry::pose::{Pose, PoseError};
 pub use geometry::{free, homography, theta};

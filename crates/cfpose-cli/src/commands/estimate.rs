@@ -120,6 +120,6 @@ fn transformed(loaded: &Loaded, theta: &[f64]) -> Result<Points, cfpose::Error> 
     if loaded.target_dim != 2 {
         return Ok(mapped);
     }
-    let source_error = |problem| cfpose::Error::Points { side: "source", problem };
+    let source_error = |problem| cfpose::Error::Points { side: cfpose::Side::Source, problem };
     loaded.camera.unwrap_or(Camera::IDENTITY).project(&mapped).map_err(source_error)
 }

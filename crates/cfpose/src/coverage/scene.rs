@@ -13,7 +13,7 @@ use faer::{Accum, Mat, Par, Scale};
 
 use super::significance;
 use crate::entry::BuildContext;
-use crate::error::Error;
+use crate::error::{Error, Side};
 use crate::model::Model;
 use crate::problem::{adapt, map_points, transformed};
 use crate::registry::Registry;
@@ -37,16 +37,16 @@ impl Scene {
     pub fn new(registry: &Registry, name: &str, points: &Points) -> Result<Self, Error> {
         let model = Arc::new(registry.model(name, &BuildContext::default())?);
         let points = Arc::new(points.clone());
-        let source = model.source.lift(adapt("source", name, model.source_points, &points)?.as_ref());
+        let source = model.source.lift(adapt(Side::Source, name, model.source_points, &points)?.as_ref());
         let theta = model.typical.clone();
-        let error = |problem| Error::Points { side: "source", problem };
+        let error = |problem| Error::Points { side: Side::Source, problem };
         let mapped = map_points(model.source.as_ref(), &source, &theta, &Execution::default()).map_err(error)?;
         let normaliser = registry.normaliser(model.normaliser.unwrap_or("paper"))?;
         let transform = normaliser.fit(&mapped)?;
         let normalised = transformed(&mapped, &transform).map_err(error)?;
         // Only a target that moves with theta has a share in J; it is the same points then.
         let target = match model.target.is_moving() {
-            true => model.target.map().lift(adapt("target", name, model.target_points, &points)?.as_ref()),
+            true => model.target.map().lift(adapt(Side::Target, name, model.target_points, &points)?.as_ref()),
             false => LiftedPoints { len: 0, columns: Vec::new(), weights: Vec::new() },
         };
         let manifold = model.layout.manifold();

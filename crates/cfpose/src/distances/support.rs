@@ -19,7 +19,7 @@ const MAX_REGIONS: usize = 32;
 const MIN_REGION: usize = 12;
 
 /// How well two sets in one space lie on each other.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
 pub struct Support {
     /// Root mean square distance of target points to the nearest mapped source point, the farthest tenth left out.
     pub target_rms: f64,

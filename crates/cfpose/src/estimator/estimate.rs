@@ -11,7 +11,7 @@ use crate::statistics::Statistics;
 use crate::statistics::conditioning::Conditioning;
 
 /// Another theta that was found or is implied.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct Alternative {
     /// Ambient theta.
@@ -22,7 +22,8 @@ pub struct Alternative {
     pub verdict: Option<Verdict>,
 }
 
-/// The result of an estimate. Everything in it belongs to `theta`, or says to what.
+/// The result of an estimate. Everything in it belongs to `theta`, or says to what. It serialises under the names of its fields;
+/// thetas are ambient there.
 ///
 /// ```
 /// use cfpose::{Estimator, Execution, Points, Registry, Settings, Verdict};
@@ -45,7 +46,7 @@ pub struct Alternative {
 /// assert!(statistics.covariance[0] > 0.0 && statistics.p_value > 1e-3);
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct Estimate {
     /// Best theta, ambient.

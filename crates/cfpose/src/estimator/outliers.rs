@@ -9,7 +9,7 @@ use crate::distances::neighbours::Neighbours;
 use crate::distances::sampling::thin;
 use crate::distances::support::Support;
 use crate::distances::{Mover, closest_point, mixture};
-use crate::error::Error;
+use crate::error::{Error, Side};
 use crate::streams::stream;
 use cfpose_kernel::points::Points;
 
@@ -55,8 +55,8 @@ impl Search<'_> {
     fn coarse(&self, [num_source, num_target]: [usize; 2]) -> Result<(Points, Vec<[f64; 3]>), Error> {
         let stage = self.last();
         let mut rng = stream(self.parts.settings.seed, "robust");
-        let source = thin(&stage.all_source, num_source, &mut rng).map_err(of_side("source"))?;
-        let target = thin(&stage.sides.mapped_target, num_target, &mut rng).map_err(of_side("target"))?;
+        let source = thin(&stage.all_source, num_source, &mut rng).map_err(of_side(Side::Source))?;
+        let target = thin(&stage.sides.mapped_target, num_target, &mut rng).map_err(of_side(Side::Target))?;
         Ok((source, target.rows()))
     }
 

@@ -12,7 +12,7 @@ use crate::distances::closest_point;
 use crate::distances::neighbours::Neighbours;
 use crate::distances::sampling::thin;
 use crate::distances::{Mover, spacing};
-use crate::error::Error;
+use crate::error::{Error, Side};
 use crate::model::LinearKind;
 use crate::streams::stream;
 
@@ -85,8 +85,8 @@ impl Search<'_> {
         let starts = self.proposals(&format!("grid[count={}]", criteria.overlap_starts), stage)?;
         let mut rng = stream(self.parts.settings.seed, "overlap");
         let [num_source, num_target] = criteria.overlap_points;
-        let source = thin(&stage.all_source, num_source, &mut rng).map_err(of_side("source"))?;
-        let target = thin(&stage.sides.mapped_target, num_target, &mut rng).map_err(of_side("target"))?;
+        let source = thin(&stage.all_source, num_source, &mut rng).map_err(of_side(Side::Source))?;
+        let target = thin(&stage.sides.mapped_target, num_target, &mut rng).map_err(of_side(Side::Target))?;
         let (mover, target) = (Mover::new(&stage.problem, &source), target.rows());
         let options = closest_point::Options {
             max_iterations: 10,

@@ -5,7 +5,7 @@ use cfpose_kernel::points::Points;
 use super::Estimator;
 use super::workbench::of_side;
 use crate::distances::correspondence::{Correspondence, correspond, nearest_neighbours};
-use crate::error::Error;
+use crate::error::{Error, Side};
 use crate::problem::{adapt, map_points};
 
 impl Estimator {
@@ -43,9 +43,9 @@ impl Estimator {
     /// As [`Estimator::correspondence`].
     pub fn mapped(&self, theta: &[f64]) -> Result<(Points, Points), Error> {
         let (model, data) = (self.model(), &self.stages.data);
-        let target = adapt("target", &self.parts.settings.model, model.target_points, &data.target)?;
+        let target = adapt(Side::Target, &self.parts.settings.model, model.target_points, &data.target)?;
         let (map, own) = (model.target.map(), &theta[..self.stages.last().own()]);
-        let target = map_points(map, &map.lift(&target), own, &self.parts.execution).map_err(of_side("target"))?;
+        let target = map_points(map, &map.lift(&target), own, &self.parts.execution).map_err(of_side(Side::Target))?;
         Ok((self.mapped_source(theta)?, target))
     }
 

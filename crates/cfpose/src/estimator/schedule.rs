@@ -10,7 +10,7 @@ use super::solve::Runner;
 use super::stage::ReadyStage;
 use super::workbench::of_side;
 use crate::distances::sampling::thin;
-use crate::error::Error;
+use crate::error::{Error, Side};
 use crate::geometry::linalg::invert;
 use crate::problem::MomentProblem;
 use crate::statistics::{Randomness, feature_covariance};
@@ -25,8 +25,8 @@ impl ReadyStage {
         let (mut theta, mut count) = (start.to_vec(), criteria.first_subset.max(2));
         while 2 * count <= full {
             let mut rng = stream(seed, &format!("subset-{count}"));
-            let source = thin(source, count, &mut rng).map_err(of_side("source"))?;
-            let target = thin(target, count, &mut rng).map_err(of_side("target"))?;
+            let source = thin(source, count, &mut rng).map_err(of_side(Side::Source))?;
+            let target = thin(target, count, &mut rng).map_err(of_side(Side::Target))?;
             let kappa = (source.len() as f64).recip() + (target.len() as f64).recip();
             let problem = self.problem_on(runner.parts, &source, &target);
             let outcome = runner.run(&problem, &theta, self.solver.as_ref())?;

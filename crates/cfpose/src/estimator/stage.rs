@@ -13,7 +13,7 @@ use crate::distances::Mover;
 use crate::distances::neighbours::Neighbours;
 use crate::distances::sampling::Sampling;
 use crate::distances::support::Support;
-use crate::error::Error;
+use crate::error::{Error, Side};
 use crate::model::Model;
 use crate::problem::{MomentProblem, Sides, map_points};
 use crate::statistics::weighting::Weighting;
@@ -68,7 +68,7 @@ impl ReadyStage {
     /// Map all source points into the feature space at theta, not normalised.
     pub fn mapped_source(&self, theta: &[f64]) -> Result<Points, Error> {
         map_points(self.model().source.as_ref(), self.lifted(), &theta[..self.own()], self.problem.execution())
-            .map_err(of_side("source"))
+            .map_err(of_side(Side::Source))
     }
 
     /// Return the ambient length of the model's own theta.
@@ -215,7 +215,7 @@ impl ReadyStage {
     /// [`Error`] where a mapped point is not finite or the weighted rows are fewer than the unknowns.
     pub fn weighted_at(&self, theta: &[f64], randomness: &Randomness, seed: u64) -> Result<MomentProblem, Error> {
         let covariance =
-            statistics::feature_covariance(&self.problem, theta, randomness, seed).map_err(of_side("source"))?;
+            statistics::feature_covariance(&self.problem, theta, randomness, seed).map_err(of_side(Side::Source))?;
         let whitening = self.weighting.whitening(&covariance, self.problem.num_features());
         let problem = self.problem.clone().with_whitening(whitening.map(|whitening| whitening.matrix));
         problem.require_enough_features()?;

@@ -9,7 +9,7 @@ use super::pipeline::{NoiseModel, Stage};
 use super::stage::ReadyStage;
 use crate::distances::sampling::thin;
 use crate::entry::BuildContext;
-use crate::error::Error;
+use crate::error::{Error, Side};
 use crate::model::Model;
 use crate::problem::{Sides, adapt};
 use crate::streams::stream;
@@ -38,11 +38,11 @@ impl Data {
             None => Arc::new(rows.to_vec()),
         };
         if let Some(rows) = source {
-            kept.source = Arc::new(self.source.select(rows).map_err(of_side("source"))?);
+            kept.source = Arc::new(self.source.select(rows).map_err(of_side(Side::Source))?);
             kept.kept_source = Some(compose(&self.kept_source, rows));
         }
         if let Some(rows) = target {
-            kept.target = Arc::new(self.target.select(rows).map_err(of_side("target"))?);
+            kept.target = Arc::new(self.target.select(rows).map_err(of_side(Side::Target))?);
             kept.kept_target = Some(compose(&self.kept_target, rows));
         }
         Ok(kept)
@@ -50,7 +50,7 @@ impl Data {
 }
 
 /// Name the side of a fault in points.
-pub(super) fn of_side(side: &'static str) -> impl Fn(PointsError) -> Error {
+pub(super) fn of_side(side: Side) -> impl Fn(PointsError) -> Error {
     move |problem| Error::Points { side, problem }
 }
 
@@ -103,8 +103,10 @@ impl<'a> Workbench<'a> {
             let problem = format!("model `{name}` needs the attribute `{key}` of every source point");
             return Err(Error::Unsupported(problem));
         }
-        let source = choose("source", adapt("source", name, model.source_points, &self.data.source)?, limits[0])?;
-        let target = choose("target", adapt("target", name, model.target_points, &self.data.target)?, limits[1])?;
+        let source =
+            choose(Side::Source, adapt(Side::Source, name, model.source_points, &self.data.source)?, limits[0])?;
+        let target =
+            choose(Side::Target, adapt(Side::Target, name, model.target_points, &self.data.target)?, limits[1])?;
         let built = self.parts.registry.normaliser(normaliser)?;
         let (model, reference) = (Arc::clone(model), &self.parts.reference);
         let sides = Sides::new(model, built.as_ref(), source, target, reference, &self.parts.execution)?;
@@ -125,7 +127,7 @@ impl<'a> Workbench<'a> {
         let sides = self.sides(&spec, stage, &model, limits)?;
         let all_source = match limits[0] {
             0 => Arc::clone(&sides.source),
-            _ => adapt("source", &parts.settings.model, model.source_points, &data.source)?,
+            _ => adapt(Side::Source, &parts.settings.model, model.source_points, &data.source)?,
         };
         let family = sides.family(&self.context(), |context| parts.registry.family(&stage.features, context))?;
         let problem = sides.problem(&family, stage.noise.into(), parts.freedom.as_ref());

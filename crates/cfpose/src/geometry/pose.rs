@@ -5,7 +5,7 @@ use cfpose_optim::manifold::{Manifold, Rotation3, norm3};
 use crate::geometry::theta::Layout;
 
 /// A rigid motion `target_from_source`: x -> rotation x + translation.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
 pub struct Pose {
     /// Rotation matrix, row by row.
     pub rotation: [f64; 9],

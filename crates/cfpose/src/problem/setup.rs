@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use crate::entry::BuildContext;
-use crate::error::Error;
+use crate::error::{Error, Side};
 use crate::geometry::free::Freedom;
 use crate::model::{Model, PointKind};
 use crate::problem::normalise::Normaliser;
@@ -118,7 +118,7 @@ impl Sides {
     /// [`Error::Points`] when a mapped point is not finite.
     pub fn mapped_source(&self, theta: &[f64]) -> Result<Points, Error> {
         map_points(self.model.source.as_ref(), &self.lifted_source, theta, &self.execution)
-            .map_err(|problem| Error::Points { side: "source", problem })
+            .map_err(|problem| Error::Points { side: Side::Source, problem })
     }
 
     /// Map all target points into the feature space at theta (the model's own part), not normalised.
@@ -136,7 +136,7 @@ impl Sides {
 }
 
 fn of_target(problem: PointsError) -> Error {
-    Error::Points { side: "target", problem }
+    Error::Points { side: Side::Target, problem }
 }
 
 /// Say whether two sets have the same coordinates and weights.
@@ -148,12 +148,7 @@ fn is_same_place(a: &Points, b: &Points) -> bool {
 ///
 /// # Errors
 /// [`Error::Points`] for fewer than two distinct points, [`Error::PointDimension`] for another dimension.
-pub(crate) fn adapt(
-    side: &'static str,
-    model: &str,
-    kind: PointKind,
-    points: &Arc<Points>,
-) -> Result<Arc<Points>, Error> {
+pub(crate) fn adapt(side: Side, model: &str, kind: PointKind, points: &Arc<Points>) -> Result<Arc<Points>, Error> {
     points.require_spread(2).map_err(|problem| Error::Points { side, problem })?;
     let mismatch = |expected: &str| Error::PointDimension {
         side,

@@ -1,6 +1,7 @@
 //! Which directions of theta the data determine: singular values of the Jacobian, and their null directions in words.
 
 use faer::Mat;
+use serde::Serialize;
 
 use crate::geometry::free::columns;
 use crate::geometry::theta::{BlockKind, Layout};
@@ -14,7 +15,7 @@ const WEAK: f64 = 1e-4;
 /// Rank and conditioning of a Jacobian whose columns were scaled to norm 1.
 ///
 /// Scaling makes the numbers independent of the units of theta; columns below 1e-9 of the largest are left as zeros.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Conditioning {
     /// Number of unknowns.
     pub unknowns: usize,

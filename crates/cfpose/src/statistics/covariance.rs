@@ -172,7 +172,7 @@ pub(crate) fn features(problem: &MomentProblem, isa: Isa, points: &[[f64; 3]]) -
 }
 
 /// What the statistics say about a fit.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Statistics {
     /// Covariance of the model's free tangent coordinates, row by row; nuisance parameters are marginalised.
     pub covariance: Vec<f64>,
