@@ -131,7 +131,7 @@ fn a_result_is_evaluated_as_it_was_minimised() {
     let files = "--source p.csv --target q.csv";
     for parts in ["", "--preset paper", "--weighting two-step --features hermite[degree=3]", "--free rx,ry,rz,tx"] {
         let result = desk.json(&format!("estimate --model rigid3 {files} {parts}"));
-        desk.write("r.json", &result.to_string());
+        desk.write("r.json", result.to_string());
         let evaluation = desk.json(&format!("evaluate --model rigid3 {files} --at r.json"));
         let [cost, again] = [&result, &evaluation].map(|value| value["cost"].as_f64().unwrap());
         assert!((cost - again).abs() <= 1e-9 * cost.abs(), "`{parts}`: {cost} {again}");
