@@ -38,7 +38,7 @@ pub struct Correspondence {
 /// The inlier threshold is the given one, or half the median distance between neighbours of the target.
 ///
 /// ```
-/// use cfpose::{Points, readout::correspond};
+/// use cfpose::{Points, distances::correspond};
 /// let p = Points::from_rows(&[[1.0], [2.0], [3.0], [4.0]]).unwrap();
 /// let q = Points::from_rows(&[[2.0], [3.1], [1.0], [9.0]]).unwrap();
 /// let c = correspond(&p, &q, None);
@@ -114,7 +114,7 @@ fn median_spacing(points: &Points) -> f64 {
 /// Several source points may share a target point.
 ///
 /// ```
-/// use cfpose::{Points, readout::nearest_neighbours};
+/// use cfpose::{Points, distances::nearest_neighbours};
 /// let p = Points::from_rows(&[[1.0], [2.0], [3.0], [4.0]]).unwrap();
 /// let q = Points::from_rows(&[[2.0], [3.0], [1.0], [4.0]]).unwrap();
 /// assert_eq!(nearest_neighbours(&p, &q), vec![2, 0, 1, 3]);

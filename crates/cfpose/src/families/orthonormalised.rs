@@ -55,7 +55,7 @@ pub enum Method {
 /// ```
 /// use cfpose::families::orthonormalised::{Method, Of, Orthonormalised, Weight};
 /// use cfpose::family::{DynFamily, Separable, SeparableFamily};
-/// use cfpose::{Points, Scalar, gram::gram};
+/// use cfpose::{Points, Scalar, statistics::gram::gram};
 /// /// x and x^3: correlated.
 /// struct Cubic;
 /// impl SeparableFamily for Cubic {

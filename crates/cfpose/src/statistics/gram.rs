@@ -146,7 +146,7 @@ pub struct GramReport {
 /// means that some differences of shape hardly count in an unweighted cost.
 ///
 /// ```
-/// use cfpose::{BuildContext, Points, Registry, gram::gram};
+/// use cfpose::{BuildContext, Points, Registry, statistics::gram::gram};
 /// let context = BuildContext { dim: 1, ..BuildContext::default() };
 /// let family = Registry::default().family("monomial[degree=2]", &context).unwrap();
 /// let report = gram(family.as_ref(), &Points::from_rows(&[[-1.0], [1.0]]).unwrap());
