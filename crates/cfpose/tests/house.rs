@@ -216,6 +216,23 @@ fn tests_of_the_paper_map_exist() {
 }
 
 #[test]
+fn files_that_the_maps_name_exist() {
+    let sources: Vec<String> = files("rs").iter().map(|(path, _)| path.display().to_string()).collect();
+    let mut missing = Vec::new();
+    for page in ["docs/paper-map.md", "ARCHITECTURE.md"] {
+        let text = fs::read_to_string(root().join(page)).unwrap();
+        // Every other piece between backticks is code.
+        for name in text.split('`').skip(1).step_by(2).filter(|name| name.ends_with(".rs") && !name.contains(' ')) {
+            let known = root().join(name).exists() || sources.iter().any(|path| path.ends_with(&format!("/{name}")));
+            if !known {
+                missing.push(format!("{page}: {name}"));
+            }
+        }
+    }
+    assert!(missing.is_empty(), "files that are not there:\n{}", missing.join("\n"));
+}
+
+#[test]
 fn random_numbers_come_from_one_generator() {
     let found: Vec<_> = files("rs").into_iter().filter(|(_, text)| text.contains(OLD_GENERATOR)).map(|f| f.0).collect();
     assert!(found.is_empty(), "{OLD_GENERATOR} in {found:#?}");
