@@ -10,9 +10,9 @@ use std::sync::mpsc;
 use cfpose::entry::find;
 use cfpose::{Estimator, Execution, Registry, Supervision};
 use cfpose_lab::calibration::mahalanobis;
-use cfpose_optim::Manifold;
 use cfpose_lab::method::Method;
 use cfpose_lab::{Determined, Scenario, nearest_truth, scenarios, seed};
+use cfpose_optim::Manifold;
 
 /// What came out of one trial.
 struct Line {
@@ -79,14 +79,37 @@ fn run(
         conditions.join(" "),
         estimate.warnings.join("; "),
     );
+    let text = if right || !possible { text } else { format!("{text} | {}", from_truth(&estimator, scenario, &trial)) };
     let right = right && (trial.determined == Determined::Theta || verdict != "good");
     Ok(Line { number, text, verdict, right, gross: error > 0.3, possible, large, seconds, squared })
+}
+
+/// Say where the estimate ends from the truth: a right answer there is one that the search missed.
+fn from_truth(estimator: &Estimator, scenario: &dyn Scenario, trial: &cfpose_lab::Trial) -> String {
+    let Ok(estimate) = estimator.solve_from(std::slice::from_ref(&trial.truth), Supervision::default()) else {
+        return "from the truth: error".to_string();
+    };
+    let found = nearest_truth(scenario, &estimator.model().layout, &estimate.theta, trial);
+    format!("from the truth: e {:.4} {}", found.map_or(f64::INFINITY, |(error, _)| error.total()), describe(&estimate))
 }
 
 fn describe(estimate: &cfpose::Estimate) -> String {
     let sampling = estimate.sampling.unwrap_or("-");
     let j = estimate.statistics.as_ref().map_or(f64::NAN, |s| s.p_value);
-    format!("{sampling} p {j:.4} {:?}", estimate.by)
+    let evidence = estimate.evidence.map_or(String::new(), |e| {
+        format!(
+            "nfa {:.1} gap {:.1} unseen {:.3} clutter {:.3} noise {:.4} sd {:.4} copies {} coh {:.2}",
+            e.log10_false_alarms,
+            e.second_mode_nats,
+            e.unseen_source,
+            e.unseen_target,
+            e.noise,
+            e.deviation,
+            e.copies,
+            e.coherence
+        )
+    });
+    format!("{sampling} p {j:.4} {:?} {evidence}", estimate.by)
 }
 
 fn main() -> Result<(), Box<dyn std::error::Error + Send + Sync>> {

@@ -178,6 +178,12 @@ criteria! {
     /// Rounds of choosing partners and estimating again.
     overlap_rounds: usize = 2, "rounds",
         "a budget";
+    /// Starts of the points' likelihood that are aligned to the end.
+    aligned: usize = 40, "starts",
+        "a budget";
+    /// Modes that are polished.
+    polished: usize = 6, "modes",
+        "a budget";
     /// Clusters of the target that `ransac` leaves out in turn.
     clusters: usize = 8, "clusters",
         "a budget: a blob of 5 % or more falls into one or two of them";

@@ -6,6 +6,7 @@
 
 pub(crate) mod closest_point;
 pub(crate) mod correspondence;
+pub(crate) mod likelihood;
 pub(crate) mod mixture;
 pub(crate) mod neighbours;
 mod normals;

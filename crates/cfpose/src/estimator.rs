@@ -28,6 +28,7 @@ mod evaluate;
 mod outliers;
 mod overlap;
 mod pipeline;
+mod points;
 mod preset;
 mod ransac;
 mod read_off;
@@ -44,6 +45,7 @@ mod workbench;
 pub use candidate::{By, Minimised, WeightedAt};
 pub use estimate::{Alternative, Estimate, StageReport};
 pub use pipeline::{NoiseModel, Outliers, Pipeline, Stage};
+pub use points::Evidence;
 pub use settings::{PRESETS, Settings, Start};
 pub use verdict::Verdict;
 
@@ -178,7 +180,9 @@ impl Estimator {
         let found = search.run(&given, &mut supervision)?;
         let Some(mut best) = found.best else { return Ok(self.nothing(&search, &given)) };
         let stage = self.stages.last();
-        refine::refine(&mut best, stage, &self.pipeline, &self.parts)?;
+        if best.evidence.is_none() {
+            refine::refine(&mut best, stage, &self.pipeline, &self.parts)?;
+        }
         let usable = best.outcome.usable();
         let (mut warnings, alternatives) =
             if usable { search.compare(&mut best, &found.all) } else { (Vec::new(), Vec::new()) };
@@ -208,6 +212,7 @@ impl Estimator {
             support: best.support,
             clutter: best.clutter,
             refined: best.refined,
+            evidence: best.evidence,
             sampling: best.sampling.map(|s| s.name()),
             stages: search.reports,
             outcome: best.outcome,
@@ -272,6 +277,7 @@ impl Estimator {
             support: None,
             clutter: None,
             refined: false,
+            evidence: None,
             sampling: None,
             stages: search.reports.clone(),
             outcome,

@@ -73,7 +73,10 @@ impl Scenario for HuntSpace {
         let drawn = Body::draw(rng);
         let body = self.kind.map_or(drawn, |kind| Body::of(kind, rng));
         let fate: f64 = rng.random();
-        let (foreign, mirrored) = (fate < 0.08 && !self.clean, (0.08..0.12).contains(&fate) && !self.clean);
+        // The mirror image of a body with a plane of symmetry is the body itself.
+        let chiral = matches!(body.kind, Kind::Star | Kind::Bump);
+        let mirrored = (0.08..0.12).contains(&fate) && !self.clean && chiral;
+        let foreign = fate < 0.08 && !self.clean;
         let same = rng.random::<f64>() < 0.5;
         let noise = [0.0, 0.002, 0.005, 0.01, 0.02, 0.03][rng.random_range(0..6)];
         let both = rng.random::<f64>() < 0.3;

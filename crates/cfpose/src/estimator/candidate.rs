@@ -8,6 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use super::Parts;
 use super::pipeline::Stage;
+use super::points::Evidence;
 use super::stage::ReadyStage;
 use super::workbench::Data;
 use crate::distances::sampling::Sampling;
@@ -93,6 +94,8 @@ pub(super) struct Candidate {
     pub clutter: Option<f64>,
     /// Whether theta was refined by closest points.
     pub refined: bool,
+    /// What the likelihood of the points says.
+    pub evidence: Option<Evidence>,
     /// Rows of the files that `problem` is about, `None` for all.
     pub kept_source: Option<Arc<Vec<usize>>>,
     pub kept_target: Option<Arc<Vec<usize>>>,

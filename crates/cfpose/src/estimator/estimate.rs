@@ -4,6 +4,7 @@ use cfpose_optim::Outcome;
 use serde::Serialize;
 
 use super::candidate::{By, Minimised};
+use super::points::Evidence;
 use super::verdict::Verdict;
 use crate::distances::support::Support;
 use crate::geometry::pose::Pose;
@@ -80,6 +81,8 @@ pub struct Estimate {
     pub clutter: Option<f64>,
     /// Whether theta was refined by closest points.
     pub refined: bool,
+    /// What the likelihood of the points says; where the pipeline asks it.
+    pub evidence: Option<Evidence>,
     /// How the sets were sampled, given or found.
     pub sampling: Option<&'static str>,
     /// What each stage of the pipeline did.

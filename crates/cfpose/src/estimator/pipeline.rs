@@ -151,6 +151,9 @@ pub struct Pipeline {
     /// Look for partial overlap when nothing else explains the data.
     #[serde(default)]
     pub overlap: bool,
+    /// Start strategy of the likelihood of the points, which then has the last word; absent: the means have it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub points_start: Option<String>,
     /// Every threshold that decides.
     #[serde(default)]
     pub criteria: Criteria,
@@ -174,6 +177,7 @@ impl Pipeline {
             outliers: Outliers::None,
             refine_below: 0.0,
             overlap: false,
+            points_start: None,
             criteria: Criteria::default(),
         }
     }

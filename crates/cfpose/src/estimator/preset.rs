@@ -90,6 +90,7 @@ fn projective(relations: &Relations, model: &Model) -> Pipeline {
         outliers: Outliers::Mixture,
         refine_below: 0.005,
         overlap: true,
+        points_start: Some(global.to_string()),
         ..Pipeline::new(stages)
     }
 }
@@ -131,6 +132,10 @@ fn direct(model: &Model) -> Pipeline {
         outliers: Outliers::Trimmed,
         refine_below: 0.005,
         overlap: true,
+        points_start: Some(match model.linear.as_ref().map(|group| group.kind) {
+            Some(LinearKind::Rotation | LinearKind::Similarity) => "grid[count=160]".to_string(),
+            _ => global.to_string(),
+        }),
         ..Pipeline::new(stages)
     }
 }

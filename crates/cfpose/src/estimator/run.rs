@@ -61,10 +61,29 @@ impl Search<'_> {
     /// [`Error`] for misuse of a solver, a start strategy that does not apply, points mapped to infinity.
     pub fn run(&mut self, given: &[Vec<f64>], supervision: &mut Supervision<'_>) -> Result<Found, Error> {
         let mut found = Found::default();
+        if self.pipeline.points_start.is_some() && !self.last().model().target.is_moving() {
+            return self.run_points(given, supervision);
+        }
         for step in plan(self.pipeline, given, &self.parts.criteria) {
             self.take(step, &mut found, supervision)?;
             if found.best.as_ref().is_some_and(|best| best.accepted) {
                 break;
+            }
+        }
+        Ok(found)
+    }
+
+    /// Climb, then let the likelihood of the points choose.
+    fn run_points(&mut self, given: &[Vec<f64>], supervision: &mut Supervision<'_>) -> Result<Found, Error> {
+        let mut found = Found::default();
+        if given.is_empty() {
+            self.take(Step::Global(self.parts.criteria.first_global), &mut found, supervision)?;
+        } else {
+            self.take(Step::Given(given.to_vec()), &mut found, supervision)?;
+        }
+        if let Some(modes) = self.modes(&found.all, given)? {
+            if let Some(candidate) = self.settle(&modes, supervision)? {
+                found.best = Some(candidate);
             }
         }
         Ok(found)

@@ -18,6 +18,7 @@ use crate::geometry::theta::BlockKind;
 use crate::model::Scene;
 use crate::start::StartContext;
 use crate::streams::stream;
+use cfpose_kernel::points::Points;
 
 /// Stages of a pipeline on one pair of point sets: built once, solved many times.
 pub(super) struct Stages {
@@ -182,11 +183,16 @@ impl<'a> Search<'a> {
 
     /// Propose starts by name for a stage, what is fixed held at its value.
     pub fn proposals(&self, name: &str, stage: &ReadyStage) -> Result<Vec<Vec<f64>>, Error> {
+        self.proposals_for(name, stage, &stage.sides.mapped_target)
+    }
+
+    /// Propose starts for a part of the target.
+    pub fn proposals_for(&self, name: &str, stage: &ReadyStage, target: &Points) -> Result<Vec<Vec<f64>>, Error> {
         let cost = |theta: &[f64]| stage.cost(theta, self.parts);
         let context = StartContext {
             model: stage.model(),
             source: &stage.sides.source,
-            target: &stage.sides.mapped_target,
+            target,
             cost: &cost,
             seed: self.parts.settings.seed,
             freedom: self.parts.freedom.as_ref(),

@@ -174,6 +174,7 @@ impl ReadyStage {
             score: f64::INFINITY,
             clutter: None,
             refined: false,
+            evidence: None,
             kept_source: None,
             kept_target: None,
             evaluations: 0,
