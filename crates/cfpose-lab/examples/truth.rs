@@ -98,9 +98,10 @@ fn describe(estimate: &cfpose::Estimate) -> String {
     let j = estimate.statistics.as_ref().map_or(f64::NAN, |s| s.p_value);
     let evidence = estimate.evidence.map_or(String::new(), |e| {
         format!(
-            "nfa {:.1} gap {:.1} unseen {:.3} clutter {:.3} noise {:.4} sd {:.4} copies {} coh {:.2}",
+            "nfa {:.1} gap {:.1} z {:.1} unseen {:.3} clutter {:.3} noise {:.4} sd {:.4} copies {} coh {:.2}",
             e.log10_false_alarms,
             e.second_mode_nats,
+            e.second_mode_deviations,
             e.unseen_source,
             e.unseen_target,
             e.noise,

@@ -178,6 +178,12 @@ criteria! {
     /// Rounds of choosing partners and estimating again.
     overlap_rounds: usize = 2, "rounds",
         "a budget";
+    /// Nats by which another mode has to be behind.
+    mode_nats: f64 = 8.0, "nats",
+        "set on the hunt: a mode that is closer may be the true one";
+    /// Standard deviations by which another mode has to be behind: a lead of many small differences may be chance.
+    mode_deviations: f64 = 3.0, "standard deviations",
+        "Vuong's test; equal poses of symmetric shapes, sampled anew, stay below";
     /// Starts of the points' likelihood that are aligned to the end.
     aligned: usize = 40, "starts",
         "a budget";

@@ -143,7 +143,12 @@ impl Scenario for HuntSpace {
         let truth = thetas.remove(0);
         let mut trial = Trial::new(points("source", &source)?, points("target", &target)?, truth, success);
         trial.equally_true = thetas;
-        trial.determined = if foreign || mirrored { Determined::Nothing } else { body.determined() };
+        trial.determined = match (foreign || mirrored, same) {
+            (true, _) => Determined::Nothing,
+            // The pattern of the points tells symmetric poses apart, where the noise does not hide it.
+            (false, true) => Determined::Theta,
+            (false, false) => body.determined(),
+        };
         let word = |value: bool, yes: &str, no: &str| if value { yes } else { no }.to_string();
         let size = [50, 100, 200, 300, 1000, 3001].into_iter().find(|most| count <= *most).unwrap_or(usize::MAX);
         trial.conditions = vec![

@@ -300,6 +300,13 @@ impl<'a> PointsLikelihood<'a> {
         self.total(placed, mixture).0
     }
 
+    /// Return ln p of every target point.
+    pub fn log_each(&self, placed: &Placed, mixture: &Mixture) -> Vec<f64> {
+        let kernels = self.kernels(placed, mixture);
+        let mut shares = vec![0.0; placed.each];
+        (0..self.target.len()).map(|j| kernels.responsibilities(placed, j, &mut shares).0).collect()
+    }
+
     /// Return the log likelihood and the sum of the probabilities of being no clutter.
     fn total(&self, placed: &Placed, mixture: &Mixture) -> (f64, f64) {
         let kernels = self.kernels(placed, mixture);

@@ -4,8 +4,9 @@ use super::Supervision;
 use super::candidate::{Candidate, PointFit};
 use super::search::Search;
 use super::workbench::of_side;
+use crate::criteria::Criteria;
 use crate::distances::likelihood::{Fit, Kernel, Mixture, PointsLikelihood};
-use crate::distances::sampling::{Sampling, thin};
+use crate::distances::sampling::{Sampling, even, thin};
 use crate::error::{Error, Side};
 use crate::streams::stream;
 use cfpose_kernel::points::Points;
@@ -18,8 +19,10 @@ pub struct Evidence {
     /// Logarithm (base 10) of the expected number of poses as good as this one among all that the search can tell apart, if the target
     /// were uniform on its bounding region. Far below 0: no chance.
     pub log10_false_alarms: f64,
-    /// Nats by which the next mode is less likely; infinite where there is none.
+    /// Nats by which the mode that is hardest to tell from this one is less likely; infinite where there is none.
     pub second_mode_nats: f64,
+    /// The same in standard deviations of the sum of differences over the points (Vuong 1989).
+    pub second_mode_deviations: f64,
     /// Share of the source that the target does not explain.
     pub unseen_source: f64,
     /// Share of the target that the source does not explain.
@@ -38,6 +41,15 @@ pub struct Evidence {
 #[derive(Debug, Clone)]
 pub(super) struct Mode {
     pub fit: Fit,
+    /// Nats behind the most likely mode, and the same in standard deviations.
+    pub behind: [f64; 2],
+}
+
+impl Mode {
+    /// Say whether the data cannot tell the mode from the most likely one.
+    pub fn is_equal(&self, criteria: &Criteria) -> bool {
+        self.behind[0] < criteria.mode_nats || self.behind[1] < criteria.mode_deviations
+    }
 }
 
 /// What the search for modes found, most likely first.
@@ -62,11 +74,22 @@ impl Search<'_> {
         Ok(PointsLikelihood::new(&stage.problem, &source, target.rows(), neighbours))
     }
 
+    /// Cover both sides of the last stage evenly with so many points and prepare their likelihood.
+    fn evenly(&self, [num_source, num_target]: [usize; 2]) -> Result<Option<PointsLikelihood<'_>>, Error> {
+        let stage = self.last();
+        let source = even(&stage.all_source, num_source).map_err(of_side(Side::Source))?;
+        let mut rng = stream(self.parts.settings.seed, "coarse");
+        let target = &stage.sides.mapped_target;
+        let covering = even(target, num_target / 2).map_err(of_side(Side::Target))?;
+        let random = thin(target, num_target / 2, &mut rng).map_err(of_side(Side::Target))?;
+        let rows = [covering.rows(), random.rows()].concat();
+        Ok(PointsLikelihood::new(&stage.problem, &source, rows, 8))
+    }
+
     /// Look for all modes of the likelihood: from the candidates so far, given thetas, and everywhere.
     pub fn modes(&mut self, found: &[Candidate], given: &[Vec<f64>]) -> Result<Option<Modes>, Error> {
         let criteria = &self.parts.criteria;
-        let (Some(coarse), Some(fine)) =
-            (self.likelihood([300, 150], 8, "modes-coarse")?, self.likelihood([500, 400], 12, "modes-fine")?)
+        let (Some(coarse), Some(fine)) = (self.evenly([300, 150])?, self.likelihood([500, 400], 12, "modes-fine")?)
         else {
             return Ok(None);
         };
@@ -103,7 +126,8 @@ impl Search<'_> {
         for fit in fits {
             if fit.log_likelihood.is_finite() && modes.iter().all(|mode| self.apart(&mode.fit.theta, &fit.theta) > 0.1)
             {
-                modes.push(Mode { fit });
+                let behind = modes.first().map_or([0.0; 2], |best| behind(&fine, &best.fit, &fit));
+                modes.push(Mode { fit, behind });
             }
         }
         let gain = modes.first().map_or(0.0, |mode| mode.fit.log_likelihood - fine.chance());
@@ -126,8 +150,17 @@ impl Search<'_> {
     fn everywhere(&self) -> Result<Vec<Vec<f64>>, Error> {
         let Some(name) = &self.pipeline.points_start else { return Ok(Vec::new()) };
         let stage = self.last();
-        let target = central(&stage.sides.mapped_target).map_err(of_side(Side::Target))?;
-        self.proposals_for(name, stage, &target)
+        // An even part of the target is not moved by dense clutter, a random part not by thin clutter.
+        let mut rng = stream(self.parts.settings.seed, "everywhere");
+        let on_target = of_side(Side::Target);
+        let parts = [even(&stage.sides.mapped_target, 300), thin(&stage.sides.mapped_target, 300, &mut rng)];
+        let source = even(&stage.sides.source, 300).map_err(of_side(Side::Source))?;
+        let mut thetas = Vec::new();
+        for part in parts {
+            let target = part.and_then(|part| central(&part)).map_err(&on_target)?;
+            thetas.extend(self.proposals_for(name, stage, &source, &target)?);
+        }
+        Ok(thetas)
     }
 
     /// Return how far two thetas are apart: radians, and lengths in sizes of the source.
@@ -144,12 +177,11 @@ impl Search<'_> {
         full.reweigh(&mut placed, &fit.mixture);
         let covariance = full.covariance(&placed, &fit.mixture);
         let unseen_target = fit.mixture.clutter;
+        let second = modes.modes[1..].iter().min_by(|a, b| a.behind[1].total_cmp(&b.behind[1]));
         let evidence = Evidence {
             log10_false_alarms: -modes.gain / std::f64::consts::LN_10,
-            second_mode_nats: modes
-                .modes
-                .get(1)
-                .map_or(f64::INFINITY, |other| best.log_likelihood - other.fit.log_likelihood),
+            second_mode_nats: second.map_or(f64::INFINITY, |mode| mode.behind[0]),
+            second_mode_deviations: second.map_or(f64::INFINITY, |mode| mode.behind[1]),
             unseen_source: full.unseen(&placed, &fit.mixture),
             unseen_target,
             noise: fit.mixture.sigma / full.size,
@@ -218,6 +250,23 @@ impl Search<'_> {
         let rows: Vec<usize> = (0..shares.len()).filter(|k| shares[*k] > 0.5).collect();
         Ok((rows.len() > 10 && rows.len() < shares.len()).then_some(rows))
     }
+}
+
+/// Return by how many nats a fit is behind another, and that in standard deviations of a sum of as many independent differences: Vuong's
+/// test (1989) of two models that do not contain each other. Where the target is a new sample of a symmetric shape, one of the equal
+/// poses is ahead by chance, by more nats the more points there are.
+fn behind(likelihood: &PointsLikelihood<'_>, best: &Fit, other: &Fit) -> [f64; 2] {
+    let each = |fit: &Fit| {
+        let mut placed = likelihood.place(&fit.theta, false)?;
+        likelihood.reweigh(&mut placed, &fit.mixture);
+        Some(likelihood.log_each(&placed, &fit.mixture))
+    };
+    let nats = best.log_likelihood - other.log_likelihood;
+    let (Some(a), Some(b)) = (each(best), each(other)) else { return [nats, 0.0] };
+    let differences: Vec<f64> = a.iter().zip(&b).map(|(a, b)| a - b).collect();
+    let mean = differences.iter().sum::<f64>() / differences.len() as f64;
+    let square: f64 = differences.iter().map(|d| (d - mean).powi(2)).sum();
+    [nats, if square > 0.0 { nats / square.sqrt() } else { 0.0 }]
 }
 
 /// Score a theta by the likelihood of its best mixture.

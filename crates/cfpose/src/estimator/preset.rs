@@ -90,7 +90,7 @@ fn projective(relations: &Relations, model: &Model) -> Pipeline {
         outliers: Outliers::Mixture,
         refine_below: 0.005,
         overlap: true,
-        points_start: Some(global.to_string()),
+        points_start: Some(if global == "identity" { global.to_string() } else { "grid[count=200]".to_string() }),
         ..Pipeline::new(stages)
     }
 }

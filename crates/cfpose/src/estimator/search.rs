@@ -183,15 +183,21 @@ impl<'a> Search<'a> {
 
     /// Propose starts by name for a stage, what is fixed held at its value.
     pub fn proposals(&self, name: &str, stage: &ReadyStage) -> Result<Vec<Vec<f64>>, Error> {
-        self.proposals_for(name, stage, &stage.sides.mapped_target)
+        self.proposals_for(name, stage, &stage.sides.source, &stage.sides.mapped_target)
     }
 
-    /// Propose starts for a part of the target.
-    pub fn proposals_for(&self, name: &str, stage: &ReadyStage, target: &Points) -> Result<Vec<Vec<f64>>, Error> {
+    /// Propose starts for a part of both sides.
+    pub fn proposals_for(
+        &self,
+        name: &str,
+        stage: &ReadyStage,
+        source: &Points,
+        target: &Points,
+    ) -> Result<Vec<Vec<f64>>, Error> {
         let cost = |theta: &[f64]| stage.cost(theta, self.parts);
         let context = StartContext {
             model: stage.model(),
-            source: &stage.sides.source,
+            source,
             target,
             cost: &cost,
             seed: self.parts.settings.seed,
