@@ -19,7 +19,6 @@ use crate::geometry::linalg::{add_outer, symmetrise};
 use crate::problem::MomentProblem;
 
 pub(crate) mod align;
-mod coherence;
 mod covariance;
 mod fit;
 mod shape;
@@ -181,6 +180,19 @@ impl<'a> PointsLikelihood<'a> {
             log_weights: self.log_weights.clone(),
             cost: 0.0,
         })
+    }
+
+    /// Return the observed information at theta with the noise as wide as the kernels: what is left of a direction's information when
+    /// the roughness of a sample is smoothed away. `None` where a point is not finite.
+    pub fn smooth_information(&self, theta: &[f64], mixture: &Mixture) -> Option<Vec<f64>> {
+        let mut placed = self.place(theta, true)?;
+        let mut widths: Vec<f64> = placed.frames.iter().map(|frame| frame.across.max(frame.along)).collect();
+        widths.sort_by(f64::total_cmp);
+        let sigma = mixture.sigma.hypot(1.5 * widths[widths.len() / 2].sqrt());
+        let smooth = Mixture { kernel: Kernel::Shape, sigma, ..*mixture };
+        self.reweigh(&mut placed, &smooth);
+        let sums = self.sums(&placed, &smooth);
+        Some(sums.complete.iter().zip(&sums.lost).map(|(complete, lost)| complete - lost).collect())
     }
 
     /// Return the median distance of the target points' farthest source neighbours.
