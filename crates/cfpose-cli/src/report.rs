@@ -1,6 +1,6 @@
 //! The result of `estimate`: the JSON object of the contract and the table for people.
 
-use cfpose::estimator::{By, Minimised, StageReport};
+use cfpose::estimator::{By, Evidence, Minimised, StageReport, Undetermined};
 use cfpose::theta::RotationForm;
 use cfpose::{Estimate, Pose};
 use serde::Serialize;
@@ -49,8 +49,14 @@ pub struct Report {
     condition: f64,
     /// Share of the target points that were left out as outliers.
     clutter: Option<f64>,
-    /// Whether theta was refined by closest points.
+    /// Whether theta is the most likely one for the points rather than the best fit of means.
     refined: bool,
+    /// What the likelihood of the points says.
+    evidence: Option<Evidence>,
+    /// Directions of theta that the points do not determine.
+    undetermined: Vec<Undetermined>,
+    /// The covariance for turns about the middle of the source and shifts of its image.
+    covariance_at_centroid: Option<Vec<Vec<f64>>>,
     /// What each stage of the estimator did.
     stages: Vec<StageReport>,
     /// What theta is the best fit of: means of features (`moments`) or distances between the points (`points`).
@@ -81,6 +87,7 @@ struct AlternativeReport {
     pose: Option<PoseReport>,
     cost: f64,
     verdict: Option<&'static str>,
+    relative_likelihood: Option<f64>,
 }
 
 impl PoseReport {
@@ -110,9 +117,10 @@ impl Report {
             pose: PoseReport::of(loaded, &other.theta, args.depth),
             cost: other.cost,
             verdict: other.verdict.map(cfpose::Verdict::name),
+            relative_likelihood: other.relative_likelihood,
         });
         Self {
-            schema: "cfpose.estimate/1",
+            schema: "cfpose.estimate/2",
             model: settings.model.clone(),
             features: last.features.clone(),
             solver: last.solver.clone().unwrap_or_default(),
@@ -150,6 +158,9 @@ impl Report {
             condition: estimate.conditioning.condition,
             clutter: estimate.clutter,
             refined: estimate.refined,
+            evidence: estimate.evidence,
+            undetermined: estimate.undetermined.clone(),
+            covariance_at_centroid: statistics.and_then(|s| s.covariance_at_centroid.as_deref()).map(square),
             stages: estimate.stages.clone(),
             by: estimate.by,
             minimised: estimate.minimised.clone(),
@@ -187,6 +198,20 @@ impl Report {
         rows.push(vec!["work".into(), work]);
         if let Some(verdict) = self.verdict {
             rows.push(vec!["verdict".into(), verdict.into()]);
+        }
+        if let Some(evidence) = &self.evidence {
+            let second = match evidence.second_mode_nats {
+                nats if nats.is_finite() => format!("next mode {nats:.0} nats behind"),
+                _ => "no other mode".to_string(),
+            };
+            let unseen = [evidence.unseen_source, evidence.unseen_target].map(|share| 100.0 * share);
+            rows.push(vec![
+                "evidence".into(),
+                format!(
+                    "by chance 10^{:.0}, {second}, unseen: source {:.0} %, target {:.0} %",
+                    evidence.log10_false_alarms, unseen[0], unseen[1]
+                ),
+            ]);
         }
         if let (Some(j), Some(dof), Some(p)) = (self.j_statistic, self.degrees_of_freedom, self.p_value) {
             rows.push(vec!["J".into(), format!("{} with {dof} degrees of freedom, p = {}", number(j), number(p))]);

@@ -36,7 +36,7 @@ fn every_field_of_the_contract_is_there() {
                     j_statistic degrees_of_freedom p_value noise_sigma verdict message alternatives warnings condition \
                     clutter refined stages by minimised";
     assert_eq!(names, expected.split_whitespace().collect::<Vec<_>>());
-    assert_eq!(result["schema"], "cfpose.estimate/1");
+    assert_eq!(result["schema"], "cfpose.estimate/2");
     assert_eq!(
         [&result["features"], &result["solver"], &result["normalise"], &result["weighting"], &result["preset"]],
         ["trig18", "levenberg-marquardt", "paper", "identity", "paper"]

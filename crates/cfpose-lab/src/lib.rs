@@ -28,6 +28,7 @@ mod sampling;
 pub mod scenario;
 pub mod scenarios;
 pub mod seed;
+mod shapes;
 mod shard;
 pub mod statistics;
 pub mod summary;

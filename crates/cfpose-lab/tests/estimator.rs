@@ -111,6 +111,8 @@ fn no_wrong_pose_is_called_good() {
         // Two thirds of the points are gone; nearly symmetric curves from anywhere.
         ("planar-curve[curve=blob,theta=random,b_i=1,b_m=0.4]", 2),
         ("planar-curve[curve=fish,theta=anywhere,start=none,b_p=0.03,uniform_outliers=2000]", 2),
+        // The target is another curve.
+        ("hunt-planar[points=100,foreign=1]", 5),
     ];
     let (mut wrong, mut trials) = (0, 0);
     for (spec, count) in hard {

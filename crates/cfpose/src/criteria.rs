@@ -155,7 +155,7 @@ criteria! {
     coarse_points: [usize; 2] = [300, 150], "points",
         "a budget";
     /// Points of the likelihood that compares modes: source, target.
-    fine_points: [usize; 2] = [500, 400], "points",
+    fine_points: [usize; 2] = [1000, 400], "points",
         "a budget; nats are those of so many points";
     /// Deviation of a direction under the smoothed likelihood from which on it is walked along.
     weak: f64 = 0.02, "radians, sizes of the source",

@@ -12,9 +12,7 @@ use rand_distr::StandardNormal;
 use crate::sampling::{add_uniform, shuffle};
 use crate::scenario::{Scenario, ScenarioEntry, ScenarioError, Success, Trial};
 
-pub(super) mod shape;
-
-use shape::{Shape, Source, direction};
+use crate::shapes::{Shape, Source, direction};
 
 /// Fewest points that the cut by `overlap` leaves.
 const MIN_POINTS: usize = 4;

@@ -98,7 +98,7 @@ impl Scenario for HuntSpace {
             target.iter_mut().for_each(|q| q[0] = -q[0]);
         }
         if cut > 0.0 {
-            let axis = crate::scenarios::cloud3::shape::direction(rng);
+            let axis = crate::shapes::direction(rng);
             let along = |p: &[f64; 3]| (0..3).map(|d| p[d] * axis[d]).sum::<f64>();
             target.sort_by(|a, b| along(a).total_cmp(&along(b)));
             target.truncate(((1.0 - cut) * count as f64).round() as usize);

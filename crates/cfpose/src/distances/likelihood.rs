@@ -281,6 +281,12 @@ impl<'a> PointsLikelihood<'a> {
         self.likely_mixture(placed, kernel, grid)
     }
 
+    /// Return the kernel that is more likely at theta.
+    pub fn likely_kernel(&self, theta: &[f64]) -> Option<Kernel> {
+        let value = |kernel| Some(self.best_mixture(&mut self.place(theta, false)?, kernel, 12).1);
+        Some(if value(Kernel::Copies)? > value(Kernel::Shape)? { Kernel::Copies } else { Kernel::Shape })
+    }
+
     fn likely_mixture(&self, placed: &Placed, kernel: Kernel, grid: usize) -> (Mixture, f64) {
         let bounds = SIGMA.map(|share| share * self.size);
         let mut best: Option<(Mixture, f64)> = None;

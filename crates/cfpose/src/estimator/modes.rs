@@ -66,7 +66,6 @@ impl Search<'_> {
             }
         }
         let gain = all.first().map_or(0.0, |mode| mode.fit.log_likelihood - fine.chance());
-        self.starts += all.len();
         Ok((!all.is_empty()).then_some(Modes { all, gain }))
     }
 

@@ -43,7 +43,9 @@ impl Search<'_> {
     ) -> Result<Option<Candidate>, Error> {
         let chosen = self.chosen(modes, given);
         let Some(full) = self.wide_enough(&chosen.fit)? else { return Ok(None) };
-        let Some(fit) = full.ascend(&chosen.fit.theta, chosen.fit.mixture.kernel, 15, f64::NEG_INFINITY) else {
+        // All points say better than some whether they are copies.
+        let kernel = full.likely_kernel(&chosen.fit.theta).unwrap_or(chosen.fit.mixture.kernel);
+        let Some(fit) = full.ascend(&chosen.fit.theta, kernel, 15, f64::NEG_INFINITY) else {
             return Ok(None);
         };
         let Some(mut placed) = full.place(&fit.theta, true) else { return Ok(None) };
@@ -68,12 +70,10 @@ impl Search<'_> {
         if !self.means_agree(&candidate, &fit, &evidence) {
             candidate.take(&point_fit);
             candidate.plausible = self.is_plausible(&candidate.theta);
-            candidate.sampling = Some(match fit.mixture.kernel {
-                Kernel::Copies => {
-                    candidate.sampling.filter(|s| *s != Sampling::Independent).unwrap_or(Sampling::Thinned)
-                }
-                Kernel::Shape => Sampling::Independent,
-            });
+            let copies = fit.mixture.kernel == Kernel::Copies;
+            if self.parts.settings.sampling.is_none() && copies && candidate.sampling == Some(Sampling::Independent) {
+                candidate.sampling = Some(Sampling::Thinned);
+            }
         }
         candidate.support = Some(self.last().support(&candidate.theta)?);
         candidate.modes =

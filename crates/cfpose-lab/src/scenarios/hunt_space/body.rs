@@ -8,7 +8,7 @@ use rand_chacha::ChaCha12Rng;
 
 use crate::sampling::chosen;
 use crate::scenario::Determined;
-use crate::scenarios::cloud3::shape::{Star, direction};
+use crate::shapes::{Star, direction};
 
 /// A kind of body.
 #[derive(Debug, Clone, Copy, PartialEq)]

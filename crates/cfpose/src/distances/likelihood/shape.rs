@@ -11,7 +11,7 @@ const LIST: usize = 6;
 /// More of them on a surface.
 const LIST_3: usize = 9;
 /// Tangential width of a kernel in distances to the neighbours: on a curve, on a surface.
-const WIDTH: [f64; 2] = [0.6, 0.9];
+const WIDTH: [f64; 2] = [0.6, 0.55];
 /// Ratio of spreads up to which a direction is normal to the shape, and from which on it is tangential.
 const NORMAL: [f64; 2] = [0.25, 0.6];
 

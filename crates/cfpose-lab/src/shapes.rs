@@ -17,7 +17,7 @@ const BUNNY: &str = "bunny/stanford-bunny.obj";
 
 /// What the parameter `shape` says.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) enum Source {
+pub(crate) enum Source {
     /// A surface drawn from a seed.
     Seed(u64),
     /// A file of points or of a mesh.
@@ -26,7 +26,7 @@ pub(super) enum Source {
 
 impl Source {
     /// Read a seed, `bunny` or the name of a file (with a dot or slash).
-    pub(super) fn of(parameters: &Parameters) -> Result<Self, EntryError> {
+    pub(crate) fn of(parameters: &Parameters) -> Result<Self, EntryError> {
         let text = parameters.text("shape");
         if let Ok(seed) = text.parse() {
             return Ok(Source::Seed(seed));
@@ -40,7 +40,7 @@ impl Source {
     }
 
     /// Make the shape; a file is looked up in `folder`, then in the folder of real data.
-    pub(super) fn load(&self, folder: &Path) -> Result<Shape, ScenarioError> {
+    pub(crate) fn load(&self, folder: &Path) -> Result<Shape, ScenarioError> {
         match self {
             Source::Seed(seed) => Ok(Shape::Star(Star::new(*seed))),
             Source::File(name) => {
@@ -67,14 +67,14 @@ fn data_folder() -> PathBuf {
 }
 
 /// A shape of radius 1 that points are drawn from.
-pub(super) enum Shape {
+pub(crate) enum Shape {
     Star(Star),
     Surface(Surface),
 }
 
 impl Shape {
     /// Return the largest sample, if there is one.
-    pub(super) fn max_points(&self) -> Option<usize> {
+    pub(crate) fn max_points(&self) -> Option<usize> {
         match self {
             Shape::Surface(surface) if surface.areas.is_empty() => Some(surface.mesh.vertices.len()),
             _ => None,
@@ -83,7 +83,7 @@ impl Shape {
 
     /// Draw points. Draws: per point three normals (star) or three uniforms (mesh: triangle, then place in it); for points
     /// without faces the first steps of a Fisher-Yates permutation from the front.
-    pub(super) fn sample(&self, count: usize, rng: &mut ChaCha12Rng) -> Vec<[f64; 3]> {
+    pub(crate) fn sample(&self, count: usize, rng: &mut ChaCha12Rng) -> Vec<[f64; 3]> {
         match self {
             Shape::Star(star) => (0..count).map(|_| star.point(direction(rng))).collect(),
             Shape::Surface(surface) if surface.areas.is_empty() => surface.vertices(count, rng),
@@ -100,13 +100,13 @@ const NUM_BUMPS: usize = 6;
 ///
 /// Six bumps of different height (.2 to .6), sharpness (2 to 8) and random centre leave no symmetry. Drawn from ChaCha12
 /// of the shape's own seed (stream "cloud3"): per bump the centre (three normals), the height, the sharpness.
-pub(in crate::scenarios) struct Star {
+pub(crate) struct Star {
     bumps: Vec<([f64; 3], f64, f64)>,
     scale: f64,
 }
 
 impl Star {
-    pub(in crate::scenarios) fn new(seed: u64) -> Self {
+    pub(crate) fn new(seed: u64) -> Self {
         let mut rng = data_stream(seed, u64::from_be_bytes(*b"cloud3\0\0"));
         let bumps = (0..NUM_BUMPS)
             .map(|_| (direction(&mut rng), 0.2 + 0.4 * rng.random::<f64>(), 2.0 + 6.0 * rng.random::<f64>()))
@@ -118,7 +118,7 @@ impl Star {
     }
 
     /// Return the surface point in direction u.
-    pub(in crate::scenarios) fn point(&self, u: [f64; 3]) -> [f64; 3] {
+    pub(crate) fn point(&self, u: [f64; 3]) -> [f64; 3] {
         let bump = |(centre, height, sharpness): &([f64; 3], f64, f64)| {
             let cosine: f64 = (0..3).map(|i| u[i] * centre[i]).sum();
             height * (sharpness * (cosine - 1.0)).exp()
@@ -129,7 +129,7 @@ impl Star {
 }
 
 /// Draw a direction uniform on the sphere: three normals, divided by their norm.
-pub(in crate::scenarios) fn direction(rng: &mut ChaCha12Rng) -> [f64; 3] {
+pub(crate) fn direction(rng: &mut ChaCha12Rng) -> [f64; 3] {
     loop {
         let v: [f64; 3] = std::array::from_fn(|_| rng.sample(StandardNormal));
         let norm = norm3(&v);
@@ -140,7 +140,7 @@ pub(in crate::scenarios) fn direction(rng: &mut ChaCha12Rng) -> [f64; 3] {
 }
 
 /// The mesh or cloud of a file, its centroid (of the area, without faces of the points) at 0, its farthest vertex at 1.
-pub(super) struct Surface {
+pub(crate) struct Surface {
     mesh: Mesh,
     /// Sums of the triangles' areas up to each; empty without faces.
     areas: Vec<f64>,
