@@ -270,10 +270,10 @@ pub struct RunArgs {
     /// Trials of every cell instead of the file's
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     pub trials: Option<u32>,
-    /// Compute part I of N, I from 0; auto takes both from the job array's environment
-    #[arg(long, value_name = "I/N|auto")]
+    /// Compute part I of N, I from 0; auto takes both from the job array's environment, auto/N only the number of the task
+    #[arg(long, value_name = "I/N|auto|auto/N")]
     pub shard: Option<String>,
-    /// Keep the records that are there and compute the missing ones
+    /// Keep the records that are there and compute the missing ones; trials may have risen, cells and methods been added
     #[arg(long)]
     pub resume: bool,
     /// Threads over trials, all processors when not given; the result does not depend on it

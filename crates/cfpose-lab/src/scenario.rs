@@ -1,6 +1,6 @@
 //! What an author of a scenario writes: from parameters and a generator to one trial.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use cfpose::entry::{EntryError, NamedEntry, ParameterSpec, Parameters};
 use cfpose::theta::Layout;
@@ -89,6 +89,11 @@ pub trait Scenario: Send + Sync {
     /// [`ScenarioError::File`].
     fn load(&mut self, _folder: &Path) -> Result<(), ScenarioError> {
         Ok(())
+    }
+
+    /// Return the files that [`Scenario::load`] has read: their hashes stand in every record, and results of other data are refused.
+    fn files(&self) -> Vec<PathBuf> {
+        Vec::new()
     }
 
     /// Draw one trial. All randomness comes from `rng`, in the order that the scenario documents.

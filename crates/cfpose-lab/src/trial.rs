@@ -13,7 +13,7 @@ use crate::config::Experiment;
 use crate::lab::Lab;
 use crate::method::Method;
 use crate::plan::{Cell, PlannedTrial};
-use crate::record::Record;
+use crate::record::{DataHashes, Record, VERSION};
 use crate::scenario::{Scenario, ScenarioError, Trial};
 use crate::seed::{data_stream, method_seed};
 use crate::value::json_of;
@@ -25,6 +25,8 @@ pub(crate) struct Bench<'a> {
     pub fingerprint: &'a str,
     pub execution: Execution,
     pub cancel: Option<&'a AtomicBool>,
+    /// Hashes of the files of every cell's scenario.
+    pub data: &'a [DataHashes],
 }
 
 impl Bench<'_> {
@@ -46,6 +48,7 @@ impl Bench<'_> {
             }
             record.seconds = begin.elapsed().as_secs_f64();
             record.timed_out = self.experiment.deadline_secs.is_some_and(|limit| record.seconds >= limit);
+            record.seal();
             record
         };
         methods.iter().map(record).collect()
@@ -105,6 +108,9 @@ impl Bench<'_> {
             message: None,
             isa: self.execution.isa.name().to_string(),
             seconds: 0.0,
+            data: self.data[planned.cell].clone(),
+            version: VERSION.to_string(),
+            checksum: String::new(),
         }
     }
 

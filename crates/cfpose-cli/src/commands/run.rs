@@ -1,5 +1,7 @@
 //! `cfpose run`: compute an experiment or a shard of it.
 
+mod shard;
+
 use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
 
@@ -11,21 +13,13 @@ use crate::args::RunArgs;
 use crate::failure::Failure;
 use crate::{inputs, output};
 
-/// Variables that job arrays set: index, count, and the variable that holds the first index if that is not 0.
-const ARRAYS: [(&str, &str, Option<&str>); 5] = [
-    ("SLURM_ARRAY_TASK_ID", "SLURM_ARRAY_TASK_COUNT", Some("SLURM_ARRAY_TASK_MIN")),
-    ("SLURM_PROCID", "SLURM_NTASKS", None),
-    ("OMPI_COMM_WORLD_RANK", "OMPI_COMM_WORLD_SIZE", None),
-    ("PMI_RANK", "PMI_SIZE", None),
-    ("CFPOSE_SHARD", "CFPOSE_SHARDS", None),
-];
-
 /// Run the command.
 ///
 /// # Errors
 /// [`Failure`] of the experiment file, the shard or the folder.
 pub fn run(args: &RunArgs, lab: &Lab) -> Result<(), Failure> {
-    let shard = shard(args.shard.as_deref(), |name| std::env::var(name).ok())?;
+    let out = args.out.clone().unwrap_or_else(|| default_folder(&args.experiment));
+    let shard = shard::parse(args.shard.as_deref(), &out, |name| std::env::var(name).ok())?;
     let isa = inputs::isa(&args.isa)?;
     let mut experiment = Experiment::load(lab, &args.experiment)?;
     if let Some(trials) = args.trials {
@@ -34,7 +28,6 @@ pub fn run(args: &RunArgs, lab: &Lab) -> Result<(), Failure> {
     if args.dry {
         return dry(args, lab, &experiment, shard);
     }
-    let out = args.out.clone().unwrap_or_else(|| default_folder(&args.experiment));
     let bar = bar();
     let show = |progress: Progress| {
         bar.set_length(progress.total as u64);
@@ -71,23 +64,6 @@ fn default_folder(experiment: &Path) -> PathBuf {
     Path::new("out").join(experiment.file_stem().unwrap_or(experiment.as_os_str()))
 }
 
-/// Read `I/N`, or look for a job array in the environment.
-fn shard(text: Option<&str>, variable: impl Fn(&str) -> Option<String>) -> Result<Shard, Failure> {
-    let Some(text) = text else { return Ok(Shard::WHOLE) };
-    if text != "auto" {
-        return Ok(text.parse()?);
-    }
-    let number = |name: &str| variable(name).and_then(|value| value.trim().parse::<usize>().ok());
-    for (index, count, first) in ARRAYS {
-        if let (Some(index), Some(count)) = (number(index), number(count)) {
-            let first = first.and_then(number).unwrap_or(0);
-            return Ok(format!("{}/{count}", index.saturating_sub(first)).parse()?);
-        }
-    }
-    let names: Vec<&str> = ARRAYS.iter().map(|(index, _, _)| *index).collect();
-    Err(Failure::usage(format!("--shard auto: none of {} is set; give --shard I/N", names.join(", "))))
-}
-
 /// Print what would be computed.
 fn dry(args: &RunArgs, lab: &Lab, experiment: &Experiment, shard: Shard) -> Result<(), Failure> {
     let plan = Plan::new(lab, experiment)?;
@@ -113,7 +89,7 @@ fn dry(args: &RunArgs, lab: &Lab, experiment: &Experiment, shard: Shard) -> Resu
     output::write_json(&value, json)
 }
 
-/// Print the tables of a complete run, or what is missing.
+/// Print the tables of a complete run, or what is missing; records that should be there and are not have exit code 4.
 fn tell(args: &RunArgs, out: &Path, shard: Shard, report: &RunReport) -> Result<(), Failure> {
     let mut text = String::new();
     if let Some(merged) = &report.merged {
@@ -139,27 +115,17 @@ fn tell(args: &RunArgs, out: &Path, shard: Shard, report: &RunReport) -> Result<
         "resumed": report.resumed,
         "records": report.records,
         "expected": report.expected,
+        "missing": report.missing,
         "complete": report.merged.is_some(),
         "summary": report.merged.as_ref().map(|merged| &merged.rows),
     });
-    output::write_json(&value, json)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_shard_comes_from_the_job_array() {
-        let slurm = |name: &str| match name {
-            "SLURM_ARRAY_TASK_ID" => Some("3".to_string()),
-            "SLURM_ARRAY_TASK_COUNT" => Some("4".to_string()),
-            "SLURM_ARRAY_TASK_MIN" => Some("1".to_string()),
-            _ => None,
-        };
-        assert_eq!(shard(Some("auto"), slurm).unwrap(), Shard { index: 2, count: 4 });
-        assert_eq!(shard(Some("0/2"), slurm).unwrap(), Shard { index: 0, count: 2 });
-        assert_eq!(shard(None, slurm).unwrap(), Shard::WHOLE);
-        assert!(shard(Some("auto"), |_| None).unwrap_err().message().contains("SLURM_ARRAY_TASK_ID"));
+    output::write_json(&value, json)?;
+    if report.missing > 0 {
+        return Err(Failure::unusable(format!(
+            "{}: {} record(s) of shard {shard} are missing, something else changed the folder; run again with --resume",
+            out.display(),
+            report.missing
+        )));
     }
+    Ok(())
 }

@@ -1,6 +1,6 @@
 //! Two clouds on one asymmetric shape, a full random rotation apart.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use cfpose::entry::{EntryError, ParameterSpec, Parameters};
 use cfpose::{Points, Pose};
@@ -31,6 +31,8 @@ struct Cloud3 {
     source: Source,
     /// Made of `source` by [`Scenario::load`] where that is a file.
     shape: Option<Shape>,
+    /// The file, once it is read.
+    file: Option<PathBuf>,
     num_points: usize,
     independent: bool,
     noise: f64,
@@ -49,6 +51,7 @@ impl Cloud3 {
         Ok(Self {
             source,
             shape,
+            file: None,
             num_points: parameters.count("points", MIN_POINTS, 10_000_000)?,
             independent: parameters.choice("sampling", &[("permutation", false), ("independent", true)])?,
             noise: not_negative("noise")?,
@@ -79,6 +82,7 @@ impl Scenario for Cloud3 {
     fn load(&mut self, folder: &Path) -> Result<(), ScenarioError> {
         if self.shape.is_none() {
             self.shape = Some(self.source.load(folder)?);
+            self.file = self.source.path(folder);
         }
         match self.shape.as_ref().and_then(Shape::max_points) {
             Some(most) if most < self.num_points => Err(ScenarioError::File(format!(
@@ -87,6 +91,10 @@ impl Scenario for Cloud3 {
             ))),
             _ => Ok(()),
         }
+    }
+
+    fn files(&self) -> Vec<PathBuf> {
+        self.file.iter().cloned().collect()
     }
 
     fn trial(&self, rng: &mut ChaCha12Rng) -> Result<Trial, ScenarioError> {
