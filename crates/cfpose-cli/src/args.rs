@@ -104,9 +104,15 @@ pub struct ProblemArgs {
     /// auto, identity, pca, grid, a file, or the numbers of theta
     #[arg(long, value_name = "START", default_value = "auto", allow_hyphen_values = true)]
     pub start: String,
-    /// Every 2-column file holds pixels of this camera: fx,fy,cx,cy
-    #[arg(long, value_name = "FX,FY,CX,CY", allow_hyphen_values = true)]
+    /// Every 2-column file holds pixels of this camera: fx,fy,cx,cy, or a file (OpenCV, ROS, Kalibr, JSON)
+    #[arg(long, value_name = "FX,FY,CX,CY|FILE", allow_hyphen_values = true)]
     pub camera: Option<String>,
+    /// The source file holds pixels of this camera
+    #[arg(long, value_name = "CAMERA", allow_hyphen_values = true)]
+    pub source_camera: Option<String>,
+    /// The target file holds pixels of this camera
+    #[arg(long, value_name = "CAMERA", allow_hyphen_values = true)]
+    pub target_camera: Option<String>,
     /// Depth of the plane: turns translations in depths into its unit
     #[arg(long, value_name = "D", allow_hyphen_values = true)]
     pub depth: Option<f64>,

@@ -121,6 +121,24 @@ pub fn record_files(folder: &Path) -> Result<Vec<PathBuf>, LabError> {
     Ok(files)
 }
 
+/// Return the files that runs and merges write into a folder, and the record files and experiments of its sub-folders, whether they
+/// are there or not.
+///
+/// # Errors
+/// [`LabError::Io`] for a folder that is there and cannot be read.
+pub fn own_files(folder: &Path) -> Result<Vec<PathBuf>, LabError> {
+    let names = [EXPERIMENT, TRIALS, RECORDS, EARLIER, "results.csv", "timings.csv", "summary.json", "tables.md"];
+    let names = names.into_iter().chain(["report.html", "manifest.json"]);
+    let mut files: Vec<PathBuf> = names.map(|name| folder.join(name)).collect();
+    if folder.is_dir() {
+        for inner in result_folders(folder)? {
+            files.extend(record_files(&inner)?);
+            files.push(inner.join(EXPERIMENT));
+        }
+    }
+    Ok(files)
+}
+
 /// Return the folder and its direct sub-folders that hold an experiment, sorted by name.
 pub fn result_folders(folder: &Path) -> Result<Vec<PathBuf>, LabError> {
     let mut folders = Vec::new();

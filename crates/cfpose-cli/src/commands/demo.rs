@@ -43,6 +43,8 @@ struct Attempt {
 /// [`Failure`] of the scenario's name or of the folder; an estimate that is off is a run without a usable result.
 pub fn run(args: &DemoArgs, lab: &Lab) -> Result<(), Failure> {
     let begun = Instant::now();
+    let own = ["overlay.svg", "source.csv", "target.csv"].map(|name| args.out.join(name));
+    output::keep_apart(&own, &[args.json.as_deref()])?;
     let (entry, parameters) = find("scenario", &lab.scenarios, &args.scenario)?;
     let mut scenario = (entry.build)(&parameters)?;
     scenario.load(Path::new("")).map_err(Failure::input)?;

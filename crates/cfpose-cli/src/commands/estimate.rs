@@ -24,6 +24,8 @@ const SMALL: usize = 1000;
 /// [`Failure`]; a run without a usable result fails after its JSON is written, and writes neither pose nor points.
 pub fn run(args: &EstimateArgs, lab: &Lab) -> Result<(), Failure> {
     let begun = Instant::now();
+    let outputs = [args.problem.json.as_deref(), args.pose_out.as_deref(), args.transformed_out.as_deref()];
+    output::keep_apart(&inputs::named(&args.problem), &outputs)?;
     let loaded = inputs::load(&args.problem, &lab.registry)?;
     check_outputs(args, &loaded)?;
     let mut watch = Watch::new(args.verbose, loaded.estimator.settings().given_starts().len());
@@ -67,13 +69,6 @@ fn check_outputs(args: &EstimateArgs, loaded: &Loaded) -> Result<(), Failure> {
         return Err(Failure::usage(format!(
             "--correspondence=one-to-one takes up to {MAX_ASSIGNED} points, the larger file has {num_points}; use --correspondence"
         )));
-    }
-    let outputs = [args.problem.json.as_ref(), args.pose_out.as_ref(), args.transformed_out.as_ref()];
-    for (index, path) in outputs.iter().enumerate() {
-        if path.is_some() && outputs[..index].contains(path) {
-            let name = path.map_or_else(String::new, |path| path.display().to_string());
-            return Err(Failure::usage(format!("two outputs go to {name}; give each a file of its own")));
-        }
     }
     if args.pose_out.is_some() && PoseReport::of(loaded, &model.identity, None).is_none() {
         return Err(Failure::usage(format!("--pose-out: model `{name}` has no pose; use --json")));
@@ -121,5 +116,5 @@ fn transformed(loaded: &Loaded, theta: &[f64]) -> Result<Points, cfpose::Error> 
         return Ok(mapped);
     }
     let source_error = |problem| cfpose::Error::Points { side: cfpose::Side::Source, problem };
-    loaded.camera.unwrap_or(Camera::IDENTITY).project(&mapped).map_err(source_error)
+    loaded.cameras[1].unwrap_or(Camera::IDENTITY).project(&mapped).map_err(source_error)
 }

@@ -5,6 +5,7 @@ mod shard;
 use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
 
+use cfpose_lab::folder::{EXPERIMENT, own_files};
 use cfpose_lab::{Experiment, Lab, Plan, Progress, RunOptions, RunReport, Shard};
 use indicatif::{ProgressBar, ProgressStyle};
 use serde_json::json;
@@ -21,6 +22,7 @@ pub fn run(args: &RunArgs, lab: &Lab) -> Result<(), Failure> {
     let out = args.out.clone().unwrap_or_else(|| default_folder(&args.experiment));
     let shard = shard::parse(args.shard.as_deref(), &out, |name| std::env::var(name).ok())?;
     let isa = inputs::isa(&args.isa)?;
+    keep_input(args, &out)?;
     let mut experiment = Experiment::load(lab, &args.experiment)?;
     if let Some(trials) = args.trials {
         experiment = experiment.with_trials(trials as usize);
@@ -45,6 +47,23 @@ pub fn run(args: &RunArgs, lab: &Lab) -> Result<(), Failure> {
     let report = cfpose_lab::run(lab, &experiment, &options)?;
     bar.finish_and_clear();
     tell(args, &out, shard, &report)
+}
+
+/// Refuse to write over the experiment file, or with the JSON over the results.
+fn keep_input(args: &RunArgs, out: &Path) -> Result<(), Failure> {
+    let mut files = own_files(out)?;
+    if args.trials.is_none() {
+        // The same experiment is not written again.
+        output::keep_apart(&[args.experiment.clone()], &[args.json.as_deref()])?;
+    } else {
+        let own = [out.join(EXPERIMENT)];
+        output::keep_apart(
+            &[args.experiment.clone()],
+            &[args.json.as_deref(), own[0].is_file().then_some(own[0].as_path())],
+        )?;
+    }
+    files.retain(|path| !output::same_file(path, &args.experiment));
+    output::keep_apart(&files, &[args.json.as_deref()])
 }
 
 /// Make a progress bar that is drawn on a terminal only.

@@ -1,0 +1,261 @@
+//! Flags act or are refused; outputs spare inputs; what a message advises works.
+
+mod common;
+
+use common::{Desk, apply, cloud, euler_pose, shuffle};
+use serde_json::json;
+
+/// A desk with a cloud, its image in space, in the plane and in pixels, and what goes with them.
+fn desk() -> Desk {
+    let desk = Desk::new();
+    let rows = cloud(300, 1);
+    desk.write_rows("p.csv", &rows);
+    desk.write_rows("q.csv", &apply(&euler_pose([0.1, -0.2, 0.15], [0.1, 0.05, 0.2]), &rows));
+    let flat: Vec<Vec<f64>> = rows.iter().map(|row| row[..2].to_vec()).collect();
+    desk.write_rows("p2.csv", &flat);
+    let mirrored = |row: &Vec<f64>| vec![-1.1 * row[0] + 0.2 * row[1] + 0.3, 0.1 * row[0] + 0.8 * row[1] - 0.2];
+    desk.write_rows("q2.csv", &flat.iter().map(mirrored).collect::<Vec<_>>());
+    desk.write("pair.yaml", "cam0: {intrinsics: [500, 500, 320, 240]}\ncam1: {intrinsics: [600, 600, 320, 240]}\n");
+    desk
+}
+
+#[test]
+fn reflections_act_in_the_default_search() {
+    let desk = desk();
+    let line = "estimate --model affine2 --source p2.csv --target q2.csv";
+    let forbidden = desk.run(&format!("{line} --json r.json"));
+    let allowed = desk.json(&format!("{line} --reflections allow"));
+    assert_eq!(allowed["verdict"], "good");
+    for (k, expected) in [-1.1, 0.2, 0.1, 0.8, 0.3, -0.2].into_iter().enumerate() {
+        assert!((allowed["theta"][k].as_f64().unwrap() - expected).abs() < 1e-6, "{allowed}");
+    }
+    let determinant = |theta: &serde_json::Value| {
+        let [a, b, c, d] = [0, 1, 2, 3].map(|k| theta[k].as_f64().unwrap());
+        a * d - b * c
+    };
+    let other: serde_json::Value = serde_json::from_str(&desk.read("r.json")).unwrap();
+    assert!(forbidden.code == 4 || other["verdict"] != "good" || determinant(&other["theta"]) > 0.0, "{other}");
+    // Where they cannot act they are refused.
+    let refused = |more: &str| desk.fails(2, &format!("{line} --reflections allow {more}"));
+    assert!(refused("--start 1,0,0,1,0,0").contains("no effect beside a theta in --start"));
+    assert!(refused("--preset paper").contains("start `identity` proposes no reflections"));
+    assert!(refused("--start pca[reflections=forbid]").contains("says itself whether there are reflections"));
+    let rigid = "estimate --model rigid3 --source p.csv --target q.csv --reflections forbid";
+    assert!(desk.fails(2, rigid).contains("the maps of model `rigid3` are no general affine maps"));
+}
+
+#[test]
+fn a_camera_is_one_sides_or_a_file() {
+    let desk = Desk::new();
+    let truth = euler_pose([0.1, -0.12, 0.2], [0.05, -0.04, 0.03]);
+    let plane: Vec<Vec<f64>> = cloud(500, 6).iter().map(|p| vec![0.3 * p[0] - 0.2, 0.3 * p[1] - 0.1, 1.0]).collect();
+    let seen = apply(&truth, &plane);
+    desk.write_rows("p.csv", &plane.iter().map(|p| vec![p[0], p[1]]).collect::<Vec<_>>());
+    let lens = cfpose_vision::Lens::polynomial(&[-0.28, 0.07, 0.0002, 0.000_017]).unwrap();
+    let bent = |p: &Vec<f64>| {
+        let [x, y] = lens.distort([p[0] / p[2], p[1] / p[2]]);
+        vec![460.5 * x + 367.0, 457.25 * y + 248.5]
+    };
+    let mut pixels: Vec<Vec<f64>> = seen.iter().map(bent).collect();
+    shuffle(&mut pixels, 3);
+    desk.write_rows("q.csv", &pixels);
+    desk.write(
+        "chain.yaml",
+        "cam0:\n  camera_model: pinhole\n  distortion_coeffs: [-0.28, 0.07, 0.0002, 1.7e-05]\n  distortion_model: radtan\n  \
+         intrinsics: [460.5, 457.25, 367.0, 248.5]\ncam1:\n  intrinsics: [400, 400, 300, 200]\n",
+    );
+    let line = "estimate --model plane-bearing --source p.csv --target q.csv --target-camera chain.yaml#cam0";
+    let result = desk.json(&format!("{line} --transformed-out moved.csv"));
+    let found = common::pose_of(&result["pose"]);
+    assert!(common::degrees_between(&found, &truth) < 1e-6, "{result}");
+    // The transformed points are pixels behind the lens again.
+    let moved = desk.read("moved.csv");
+    let first: Vec<f64> = moved.lines().nth(1).unwrap().split(',').map(|v| v.parse().unwrap()).collect();
+    let expected = bent(&seen[0]);
+    assert!((first[0] - expected[0]).hypot(first[1] - expected[1]) < 1e-4, "{first:?} {expected:?}");
+
+    assert!(desk.fails(3, &line.replace("#cam0", "")).contains("several cameras; write FILE#cam0 or #cam1"));
+    assert!(desk.fails(3, &line.replace("chain", "chains")).contains("chains.yaml: there is no such file"));
+    desk.write("rows.yaml", "camera_matrix: {rows: 3, cols: 3, data: [1, 2]}\n");
+    assert!(
+        desk.fails(3, &line.replace("chain.yaml#cam0", "rows.yaml"))
+            .starts_with("error: rows.yaml: the camera matrix: ")
+    );
+    let both = format!("{line} --source-camera 500,500,0,0 --camera 500,500,0,0");
+    assert!(desk.fails(2, &both).contains("--camera beside --source-camera and --target-camera has no effect"));
+    desk.write_rows("far.csv", &[vec![367.0, 248.5], vec![9000.0, 1.0], vec![370.0, 240.0], vec![300.0, 200.0]]);
+    desk.write("fold.json", r#"{"fx": 460, "fy": 460, "cx": 367, "cy": 248, "distortion": [-0.28, 0, 0, 0]}"#);
+    let far = line.replace("q.csv", "far.csv").replace("chain.yaml#cam0", "fold.json");
+    assert!(desk.fails(3, &far).starts_with("error: far.csv: point 2: the camera's lens shows nothing at this pixel"));
+}
+
+#[test]
+fn flags_without_effect_are_refused() {
+    let desk = desk();
+    let line = "estimate --model rigid3 --source p.csv --target q.csv";
+    for (flag, says) in [
+        ("--camera 500,500,320,240", "--camera has no effect, no file has 2 columns of pixels"),
+        ("--source-camera 500,500,320,240", "--source-camera has no effect, the file has 3 columns"),
+        ("--threshold 100", "--threshold has no effect, no file is an image"),
+        ("--foreground dark", "--foreground has no effect, no file is an image"),
+    ] {
+        let message = desk.fails(2, &format!("{line} {flag}"));
+        assert!(message.contains(says) && message.ends_with("leave it out"), "{message}");
+    }
+}
+
+#[test]
+fn an_output_never_names_an_input() {
+    let desk = desk();
+    let line = "estimate --model rigid3 --source p.csv --target q.csv";
+    let evaluate = "evaluate --model rigid3 --source p.csv --target q.csv --at";
+    assert_eq!(desk.run(&format!("{line} --json r.json --pose-out pose.txt")).code, 0);
+    desk.write("e.toml", "trials = 1\n[[scenario]]\nname = \"cloud3\"\npoints = 40\n[[method]]\nname = \"paper\"\n");
+    assert_eq!(desk.run("run e.toml --out runs").code, 0);
+    std::fs::create_dir(desk.path("folder")).unwrap();
+    desk.write("stages.toml", "[[stage]]\nname = \"only\"\nfeatures = \"trig18\"\n");
+    #[cfg(unix)]
+    {
+        std::os::unix::fs::symlink(desk.path("p.csv"), desk.path("link.csv")).unwrap();
+        std::fs::hard_link(desk.path("q.csv"), desk.path("hard.csv")).unwrap();
+    }
+    let mut lines = vec![
+        format!("{line} --json p.csv"),
+        format!("{line} --json ./q.csv"),
+        format!("{line} --json folder/../q.csv"),
+        format!("{line} --pose-out p.csv"),
+        format!("{line} --transformed-out q.csv"),
+        format!("{line} --start pose.txt --pose-out pose.txt"),
+        format!("{line} --pipeline stages.toml --json stages.toml"),
+        "estimate --model affine2 --source p2.csv --target q2.csv --camera pair.yaml#cam0 --json pair.yaml".to_string(),
+        format!("{evaluate} r.json --json r.json"),
+        format!("{evaluate} 0,0,0,0,0,0 --json p.csv"),
+        "check rigid3 --on p.csv --json p.csv".to_string(),
+        "run e.toml --out elsewhere --json e.toml".to_string(),
+        "run runs/experiment.toml --out runs --resume --trials 2".to_string(),
+        "status runs --json runs/trials.jsonl".to_string(),
+        "merge runs --json runs/results.csv".to_string(),
+        "report runs --json runs/experiment.toml".to_string(),
+        "demo --out folder --json folder/source.csv".to_string(),
+    ];
+    if cfg!(unix) {
+        lines.extend([format!("{line} --json link.csv"), format!("{line} --json hard.csv")]);
+    }
+    let files = [
+        "p.csv",
+        "q.csv",
+        "r.json",
+        "pose.txt",
+        "e.toml",
+        "runs/trials.jsonl",
+        "runs/results.csv",
+        "runs/experiment.toml",
+    ];
+    let before = files.map(|name| desk.read(name));
+    for line in lines {
+        let message = desk.fails(2, &line);
+        assert!(
+            message.contains("would overwrite") && message.ends_with("give it a file of its own"),
+            "{line}: {message}"
+        );
+    }
+    assert_eq!(files.map(|name| desk.read(name)), before);
+    let twice = format!("{line} --json new.txt --pose-out folder/../new.txt");
+    assert!(desk.fails(2, &twice).contains("two outputs go to folder/../new.txt"));
+    // What only looks alike is written.
+    assert_eq!(desk.run(&format!("{line} --json p.json --pose-out folder/p.csv")).code, 0);
+    assert_eq!(desk.json("run runs/experiment.toml --out runs --resume")["computed"], json!(0));
+}
+
+/// Follow the advice of a message on the command line that it was given for; `None` where there is none that a line can follow.
+fn followed(line: &str, message: &str) -> Vec<String> {
+    let (problem, advice) = message.rsplit_once("; ").unwrap_or((message, ""));
+    let without = |flag: &str| {
+        let mut words: Vec<&str> = line.split_whitespace().collect();
+        let at = words
+            .iter()
+            .position(|word| *word == flag || word.starts_with(&format!("{flag}=")))
+            .expect("a flag of the line");
+        let valued = !words[at].contains('=') && words.get(at + 1).is_some_and(|next| !next.starts_with("--"));
+        words.drain(at..=at + usize::from(valued));
+        words.join(" ")
+    };
+    let flag_in = |text: &str| {
+        let words =
+            text.split([' ', ':', ',', '=']).map(|word| word.trim_matches('`')).find(|word| word.starts_with("--"));
+        words.map(str::to_string)
+    };
+    let mut lines = Vec::new();
+    for part in advice.split(", or ").flat_map(|part| part.split(" or ")) {
+        let words: Vec<&str> = part.split_whitespace().collect();
+        match words.as_slice() {
+            ["leave", "it", "out"] => lines.push(without(&flag_in(problem).expect("the message names its flag"))),
+            ["use" | "give", flag] | ["use" | "give", flag, ..] if flag.starts_with("--") => {
+                let base = if line.contains(flag) { without(flag) } else { line.to_string() };
+                let base = match flag_in(problem) {
+                    Some(wrong) if wrong != *flag && !problem.contains("no effect") && line.contains(&wrong) => {
+                        without(&wrong)
+                    }
+                    _ => base,
+                };
+                let value = words.get(2).copied().unwrap_or(if *flag == "--json" { "new.json" } else { "" });
+                lines.push(format!("{base} {flag} {value}"));
+            }
+            ["write", target] if target.starts_with("FILE#") => {
+                lines.push(line.replace("pair.yaml", &format!("pair.yaml{}", &target[4..])));
+            }
+            [choice] if choice.starts_with('#') => lines.push(line.replace("pair.yaml", &format!("pair.yaml{choice}"))),
+            ["did", "you", "mean", name] => {
+                let wrong = problem.rsplit('`').nth(1).expect("the message quotes the name");
+                lines.push(line.replacen(wrong, name.trim_end_matches('?'), 1));
+            }
+            _ => {}
+        }
+    }
+    lines
+}
+
+#[test]
+fn advice_of_the_commands_works_when_it_is_followed() {
+    let desk = desk();
+    let rigid = "estimate --model rigid3 --source p.csv --target q.csv";
+    let affine = "estimate --model affine2 --source p2.csv --target q2.csv";
+    desk.write("e.toml", "trials = 2\n[[scenario]]\nname = \"cloud3\"\npoints = 40\n[[method]]\nname = \"paper\"\n");
+    desk.write_rows("one.csv", &(1..9).map(|k| vec![f64::from(k * k)]).collect::<Vec<_>>());
+    let gain = "estimate --model gain1 --source one.csv --target one.csv";
+    let lines = [
+        format!("{rigid} --camera 500,500,320,240"),
+        format!("{rigid} --target-camera 500,500,320,240"),
+        format!("{rigid} --threshold 100"),
+        format!("{rigid} --foreground dark"),
+        format!("{rigid} --depth 2"),
+        format!("{rigid} --reflections allow"),
+        format!("{affine} --reflections allow --preset paper"),
+        format!("{affine} --reflections allow --start whitened-affine[reflections=forbid]"),
+        format!("{affine} --camera pair.yaml"),
+        format!("{gain} --pose-out pose.txt"),
+        format!("{rigid} --features trig81"),
+        format!("{rigid} --solver levenberg-marquart"),
+        format!("{rigid} --preset papper"),
+        "estimate --model rigd3 --source p.csv --target q.csv".to_string(),
+        format!("{affine} --camera 1,2,3,4 --source-camera 1,2,3,4 --target-camera 1,2,3,4"),
+    ];
+    for line in lines {
+        let run = desk.run(&line);
+        assert!([2, 3].contains(&run.code), "{line}\n{}", run.err);
+        let message = run
+            .err
+            .trim_end()
+            .split(" shows all")
+            .next()
+            .unwrap()
+            .rsplit_once("; `cfpose list")
+            .map_or(run.err.trim_end(), |(a, _)| a);
+        let better = followed(&line, message);
+        assert!(!better.is_empty(), "no advice that a line can follow: {message}");
+        for better in better {
+            let again = desk.run(&better);
+            assert!([0, 4].contains(&again.code), "{message}\nfollowed: {better}\ngives: {}", again.err);
+        }
+    }
+}
