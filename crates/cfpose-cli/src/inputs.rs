@@ -289,10 +289,16 @@ pub fn name_file(error: cfpose::Error, args: &ProblemArgs, target: &Points) -> F
     }
     let path = match &error {
         cfpose::Error::Points { side: cfpose::Side::Source, .. }
+        | cfpose::Error::Data { side: cfpose::Side::Source, .. }
         | cfpose::Error::PointDimension { side: cfpose::Side::Source, .. } => Some(&args.source),
-        cfpose::Error::Points { .. } | cfpose::Error::PointDimension { .. } | cfpose::Error::Normalise { .. } => {
-            Some(&args.target)
+        // A model is built from the source: control points.
+        cfpose::Error::Build(BuildError::Data { name, .. }) if args.model.starts_with(name.as_str()) => {
+            Some(&args.source)
         }
+        cfpose::Error::Points { .. }
+        | cfpose::Error::Data { .. }
+        | cfpose::Error::PointDimension { .. }
+        | cfpose::Error::Normalise { .. } => Some(&args.target),
         _ => None,
     };
     match path {
@@ -340,8 +346,9 @@ pub fn num_threads(given: Option<u16>) -> usize {
 /// # Errors
 /// Usage, when the operating system does not give that many threads.
 pub fn execution(threads: Option<u16>, isa: Isa, num_points: usize) -> Result<Execution, Failure> {
-    let wanted = num_threads(threads);
-    if wanted < 2 || num_points <= cfpose::means::CHUNK {
+    // More threads than chunks of points would only wait.
+    let wanted = num_threads(threads).min(num_points.div_ceil(cfpose::means::CHUNK));
+    if wanted < 2 {
         return Ok(Execution { isa, pool: None });
     }
     let pool = rayon::ThreadPoolBuilder::new().num_threads(wanted).build();

@@ -1,7 +1,9 @@
 //! Where results go: standard output, standard error, files; tables.
 
+use std::collections::BTreeSet;
 use std::io::Write;
 use std::path::{Path, PathBuf};
+use std::sync::{Mutex, PoisonError};
 
 use comfy_table::{Table, presets};
 use serde::Serialize;
@@ -22,6 +24,17 @@ pub fn print(text: &str) -> Result<(), Failure> {
 /// Write a line to standard error; nobody may be listening.
 pub fn note(text: &str) {
     let _ = writeln!(std::io::stderr().lock(), "{text}");
+}
+
+/// Write the place and message of a panic to standard error, each of them once: every trial of a run may meet it.
+pub fn panicked(text: &str) {
+    static SEEN: Mutex<BTreeSet<String>> = Mutex::new(BTreeSet::new());
+    let line = text.split_whitespace().collect::<Vec<_>>().join(" ");
+    let place = line.split(": ").next().unwrap_or_default().to_string();
+    let is_new = SEEN.lock().unwrap_or_else(PoisonError::into_inner).insert(place);
+    if is_new {
+        note(&format!("note: {line}"));
+    }
 }
 
 /// Say whether JSON goes to standard output, which then carries nothing else.

@@ -259,3 +259,97 @@ fn advice_of_the_commands_works_when_it_is_followed() {
         }
     }
 }
+
+#[test]
+fn points_that_do_not_allow_a_choice_are_bad_input_of_their_file() {
+    let desk = desk();
+    desk.write_rows("line.csv", &(1..30).map(|k| vec![f64::from(k * k), 0.0]).collect::<Vec<_>>());
+    for (files, name) in
+        [("--source line.csv --target q2.csv", "line.csv"), ("--source p2.csv --target line.csv", "line.csv")]
+    {
+        let line = format!("estimate --model affine2 --preset paper --normalise none --start pca {files}");
+        let message = desk.fails(3, &line);
+        assert!(message.starts_with(&format!("error: {name}: start `pca` needs points with extent")), "{message}");
+    }
+    let spline = "estimate --model thin-plate2[points=5] --source line.csv --target q2.csv";
+    assert!(desk.fails(3, spline).starts_with("error: line.csv: thin-plate2: the control points"));
+    desk.write("zero.csv", "x,y,w\n1,2,1\n3,4,0\n5,6,0\n");
+    let lonely = desk.fails(3, "estimate --model rigid2 --source zero.csv --target p2.csv");
+    assert!(lonely.starts_with("error: zero.csv: only 1 distinct point(s)"), "{lonely}");
+}
+
+#[test]
+fn threads_and_nesting_are_bounded_by_a_clear_error() {
+    let desk = desk();
+    let line = "estimate --model rigid3 --source p.csv --target q.csv";
+    let run = desk.run(&format!("{line} --threads 60000"));
+    assert!(run.code == 2 && run.err.contains("60000 is not in 1..=1024"), "{}", run.err);
+    assert_eq!(desk.run(&format!("{line} --threads 1024")).code, 0);
+    let nested = (0..12).fold("hermite".to_string(), |inner, _| format!("orthonormalised[basis={inner}]"));
+    assert!(desk.fails(2, &format!("{line} --features {nested}")).contains("brackets are nested more than 8 deep"));
+    let many = ["fourier[k=8]"; 40].join("+");
+    assert!(desk.fails(2, &format!("{line} --features {many}")).contains("more than 16384; choose a smaller family"));
+    desk.write("e.toml", "trials = 2\n[[scenario]]\nname = \"cloud3\"\npoints = 40\n[[method]]\nname = \"paper\"\n");
+    assert_eq!(desk.json("run e.toml --threads 1024")["records"], 2);
+}
+
+#[test]
+fn a_figure_shows_before_after_and_residuals() {
+    let desk = desk();
+    let line = "estimate --model rigid3 --source p.csv --target q.csv";
+    assert_eq!(desk.run(&format!("{line} --plot figure.svg")).code, 0);
+    let svg = desk.read("figure.svg");
+    assert!(svg.starts_with("<svg"));
+    for words in ["p.csv onto q.csv, rigid3", "before", "after: good", "residuals: nearest target point - moved point"]
+    {
+        assert!(svg.contains(words), "{words}");
+    }
+    assert_eq!(desk.run(&format!("{line} --plot figure.png")).code, 0);
+    let png = std::fs::read(desk.path("figure.png")).unwrap();
+    assert!(png.starts_with(b"\x89PNG") && png.len() > 5000);
+    assert!(desk.fails(2, &format!("{line} --plot figure.pdf")).contains("give a name that ends in .svg or .png"));
+    assert!(desk.fails(2, &format!("{line} --plot p.csv")).contains("would overwrite p.csv"));
+    assert!(desk.fails(3, &format!("{line} --plot nowhere/figure.svg")).starts_with("error: nowhere/figure.svg: "));
+}
+
+#[test]
+fn completions_and_manual_come_from_the_definitions() {
+    let desk = Desk::new();
+    for shell in ["bash", "zsh", "fish", "elvish", "powershell"] {
+        let run = desk.run(&format!("completions {shell}"));
+        assert!(run.code == 0 && run.out.contains("estimate") && run.out.contains("target-camera"), "{shell}");
+    }
+    assert!(desk.run("completions tcsh").code == 2);
+    let page = desk.run("man");
+    assert!(page.code == 0 && page.out.contains(".TH cfpose 1") && page.out.contains("exit codes"), "{}", page.out);
+    assert_eq!(desk.run("man --out pages").code, 0);
+    assert!(desk.read("pages/cfpose-estimate.1").contains("\\-\\-source\\-camera"));
+    assert!(desk.read("pages/cfpose-pose-convert.1").contains("cfpose\\-pose\\-convert"));
+}
+
+#[test]
+fn one_trial_is_computed_again_with_its_files() {
+    let desk = Desk::new();
+    desk.write("e.toml", "trials = 3\n[[scenario]]\nname = \"planar-curve\"\nb_p = 0.01\n[[method]]\nname = \"paper\"\npreset = \"paper\"\n");
+    desk.json("run e.toml --out r");
+    let before = desk.read("r/trials.jsonl");
+    let record: serde_json::Value = serde_json::from_str(before.lines().nth(1).unwrap()).unwrap();
+    let key = record["key"].as_str().unwrap();
+    let again = desk.json(&format!("run e.toml --out r --only {key}"));
+    for field in ["theta", "cost", "status", "verdict", "rotation_deg", "evaluations"] {
+        assert_eq!(again["records"][0][field], record[field], "{field}");
+    }
+    assert_eq!(again["repetition"], 1);
+    // The files hold the trial: `estimate` finds the same in them.
+    let start: Vec<String> = again["start"].as_array().unwrap().iter().map(|v| v.to_string()).collect();
+    let files =
+        format!("--source r/only-{key}/source.csv --target r/only-{key}/target.csv --start={}", start.join(","));
+    let found = desk.json(&format!("estimate --model {} --preset paper {files}", again["model"].as_str().unwrap()));
+    for k in 0..6 {
+        let [a, b] = [&found["theta"], &record["theta"]].map(|theta| theta[k].as_f64().unwrap());
+        assert!((a - b).abs() < 1e-6, "{a} {b}");
+    }
+    assert_eq!(desk.read("r/trials.jsonl"), before);
+    assert!(desk.read(&format!("r/only-{key}/trial.json")).contains("\"truth\""));
+    assert!(desk.fails(2, "run e.toml --out r --only 00ff").contains("no trial of this experiment has the key `00ff`"));
+}

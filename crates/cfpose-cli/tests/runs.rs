@@ -243,3 +243,55 @@ fn records_that_differ_from_what_was_computed_are_refused() {
     assert_eq!(desk.json("run e.toml --out r --resume")["computed"], 2);
     assert_eq!(desk.json("status r")["records"], 3);
 }
+
+#[cfg(unix)]
+#[test]
+fn a_signal_ends_a_run_in_order_and_a_second_one_at_once() {
+    let desk = desk();
+    let expected = undisturbed(&desk);
+    let send = |child: &Child, signal: &str| {
+        let sent = Command::new("kill").args([signal, &child.id().to_string()]).status().expect("the command kill");
+        assert!(sent.success());
+    };
+    for (signal, name, code) in [("-INT", "SIGINT", 130), ("-TERM", "SIGTERM", 143)] {
+        let out = format!("stopped{signal}");
+        let child = start(&desk, &format!("run e.toml --out {out} --threads 1 --json {out}.json"));
+        let trials = desk.path(&format!("{out}/trials.jsonl"));
+        while !std::fs::metadata(&trials).is_ok_and(|data| data.len() > 10_000) {
+            sleep(Duration::from_millis(2));
+        }
+        send(&child, signal);
+        let (found, said) = end(child);
+        assert_eq!(found, Some(code), "{said}");
+        assert!(
+            said.starts_with(&format!("error: stopped by {name}: ")) && said.contains("go on with --resume"),
+            "{said}"
+        );
+        // The tables hold what is there.
+        let report: serde_json::Value = serde_json::from_str(&desk.read(&format!("{out}.json"))).expect("JSON");
+        let records = report["records"].as_u64().expect("a number") as usize;
+        assert_eq!(
+            (&report["complete"], report["missing"].as_u64()),
+            (&json!(false), Some((NUM_RECORDS - records) as u64))
+        );
+        assert_eq!(desk.read(&format!("{out}/results.csv")).lines().count(), records + 1);
+        let resumed = desk.json(&format!("run e.toml --out {out} --threads 2 --resume"));
+        assert_eq!((&resumed["resumed"], &resumed["complete"]), (&json!(records), &json!(true)));
+        assert_eq!(desk.read(&format!("{out}/results.csv")), expected);
+    }
+    // A trial that lasts: the second signal does not wait for it.
+    desk.write(
+        "long.toml",
+        EXPERIMENT.replace("[40, 200]", "400000").replace("preset = \"paper\"", "preset = \"auto\""),
+    );
+    let child = start(&desk, "run long.toml --out long --threads 1");
+    // It prepares its first trial before it claims the folder: the signals are caught from before that.
+    sleep(Duration::from_millis(600));
+    send(&child, "-TERM");
+    sleep(Duration::from_millis(20));
+    let begun = std::time::Instant::now();
+    let sent = Command::new("kill").args(["-TERM", &child.id().to_string()]).status();
+    let (found, _) = end(child);
+    assert_eq!(found, Some(143), "{sent:?}");
+    assert!(begun.elapsed() < Duration::from_secs(2), "{:?}", begun.elapsed());
+}

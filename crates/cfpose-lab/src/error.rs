@@ -182,6 +182,12 @@ pub enum LabError {
         /// Files and hashes of the record.
         found: String,
     },
+    /// A key that no trial of the experiment has.
+    #[error("no trial of this experiment has the key `{key}`; keys stand in results.csv, 16 hexadecimal digits each")]
+    NoTrial {
+        /// What the user wrote.
+        key: String,
+    },
     /// A record that cannot be read or contradicts another.
     #[error("{}: line {line}: {problem}", path.display())]
     Record {
@@ -222,7 +228,7 @@ impl LabError {
     /// Programs give it exit code 2, everything else 3.
     pub fn is_usage(&self) -> bool {
         if let LabError::Scenario { problem, .. } = self {
-            return !matches!(**problem, ScenarioError::File(_));
+            return !matches!(**problem, ScenarioError::File(_) | ScenarioError::Panicked(_));
         }
         !matches!(
             self,

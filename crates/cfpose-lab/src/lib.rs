@@ -48,7 +48,7 @@ pub use merge::{FolderStatus, Merged, merge, status};
 pub use method::Method;
 pub use plan::{Cell, Plan, Shard};
 pub use record::Record;
-pub use run::{Progress, RunOptions, RunReport, run};
+pub use run::{Progress, Replay, RunOptions, RunReport, replay, run};
 pub use scenario::{Scenario, ScenarioEntry, ScenarioError, Success, Trial};
 pub use summary::{SummaryRow, summarise};
 

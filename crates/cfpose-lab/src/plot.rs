@@ -1,4 +1,7 @@
-//! Figures as SVG text: point sets before and after an estimate.
+//! Figures as SVG text or PNG: point sets before and after an estimate, residuals.
+
+mod font;
+mod raster;
 
 use cfpose::{Estimator, Points};
 use cfpose_optim::Manifold;
@@ -17,6 +20,12 @@ pub struct Panel {
     pub target: Vec<[f64; 2]>,
     /// Error ellipses of some moved points.
     pub ellipses: Vec<Ellipse>,
+    /// Lines from one point to another: what is left between moved points and their partners.
+    pub lines: Vec<[[f64; 2]; 2]>,
+    /// Whether the panel has axes of its own; the others share theirs.
+    pub own_axes: bool,
+    /// What the moved points and the target are called in this panel.
+    pub labels: Option<[String; 2]>,
 }
 
 /// Where a moved point may be: the covariance of theta, carried over to the point.
@@ -188,12 +197,92 @@ pub fn panels(estimator: &Estimator, thetas: &[(&str, &[f64])]) -> Result<Vec<Pa
 /// [`LabError::Plot`] when there is nothing finite to draw.
 pub fn overlay(title: &str, panels: &[Panel]) -> Result<String, LabError> {
     let failure = |problem: String| LabError::Plot { figure: title.to_string(), problem };
-    let bounds = bounds(panels).ok_or_else(|| failure("there are no finite points".to_string()))?;
-    let half = bounds.iter().map(|(low, high)| high - low).fold(1e-9, f64::max) * 0.55;
-    let ranges = bounds.map(|(low, high)| (0.5 * (low + high) - half)..(0.5 * (low + high) + half));
+    let ranges = ranges(panels).ok_or_else(|| failure("there are no finite points".to_string()))?;
     let mut svg = String::new();
-    draw(&mut svg, title, panels, &ranges).map_err(failure)?;
+    draw(SVGBackend::with_string(&mut svg, size(panels)), title, panels, &ranges).map_err(failure)?;
     Ok(svg)
+}
+
+/// Draw panels as [`overlay`] does; returns the bytes of a PNG file.
+///
+/// ```
+/// use cfpose_lab::plot::{Panel, overlay_png};
+/// let panel = Panel { title: "before".into(), moved: vec![[0.0, 0.0]], target: vec![[1.0, 1.0]], ..Panel::default() };
+/// assert!(overlay_png("two points", &[panel]).unwrap().starts_with(b"\x89PNG"));
+/// ```
+///
+/// # Errors
+/// As [`overlay`].
+pub fn overlay_png(title: &str, panels: &[Panel]) -> Result<Vec<u8>, LabError> {
+    let failure = |problem: String| LabError::Plot { figure: title.to_string(), problem };
+    let ranges = ranges(panels).ok_or_else(|| failure("there are no finite points".to_string()))?;
+    let mut raster = raster::Raster::new(size(panels));
+    draw(&mut raster, title, panels, &ranges).map_err(failure)?;
+    raster.png().map_err(failure)
+}
+
+/// Make the panels of an estimate: before, after with its error ellipses, and the residuals, from every moved point to the target
+/// point nearest to it.
+///
+/// # Errors
+/// [`cfpose::Error`] when a point mapped at `after` is not finite; a `before` at which one is not has no panel.
+pub fn of_estimate(
+    estimator: &Estimator,
+    before: &[f64],
+    after: &[f64],
+    covariance: Option<&[f64]>,
+) -> Result<Vec<Panel>, cfpose::Error> {
+    let mut all = panels(estimator, &[("before", before)]).unwrap_or_default();
+    let mut found = panels(estimator, &[("after", after)])?;
+    if let (Some(panel), Some(covariance)) = (found.first_mut(), covariance) {
+        panel.ellipses = ellipses(estimator, after, covariance)?;
+    }
+    all.append(&mut found);
+    let (moved, target) = estimator.mapped(after)?;
+    let partners = estimator.correspondence(after)?;
+    let project = projects(estimator);
+    let flat = |[x, y, z]: [f64; 3], dim: usize| match project && dim == 3 {
+        true => (z > 0.0).then(|| [x / z, y / z]),
+        false => Some([x, y]),
+    };
+    let pair = |(k, partner): (usize, &usize)| {
+        let partner = target.point(*partner);
+        Some([flat(moved.point(k), moved.dim())?, flat(partner, target.dim())?])
+    };
+    let pairs: Vec<[[f64; 2]; 2]> = partners.iter().enumerate().filter_map(pair).collect();
+    let rest = pairs.iter().map(|[from, to]| [to[0] - from[0], to[1] - from[1]]).collect();
+    if let Some(panel) = all.last_mut() {
+        panel.lines = pairs;
+    }
+    all.push(Panel {
+        title: "residuals: nearest target point - moved point".to_string(),
+        moved: rest,
+        target: vec![[0.0, 0.0]],
+        own_axes: true,
+        labels: Some(["residual".to_string(), "zero".to_string()]),
+        ..Panel::default()
+    });
+    Ok(all)
+}
+
+/// Ranges of x and y.
+type Ranges = [std::ops::Range<f64>; 2];
+
+/// Return the ranges of every panel, of equal length in x and y; none without a finite point.
+fn ranges(panels: &[Panel]) -> Option<Vec<Ranges>> {
+    let square = |panels: &[Panel]| {
+        let bounds = bounds(panels)?;
+        let half = bounds.iter().map(|(low, high)| high - low).fold(1e-9, f64::max) * 0.55;
+        Some(bounds.map(|(low, high)| (0.5 * (low + high) - half)..(0.5 * (low + high) + half)))
+    };
+    let shared: Vec<Panel> = panels.iter().filter(|panel| !panel.own_axes).cloned().collect();
+    let all = square(&shared).or_else(|| square(panels))?;
+    let own = |panel: &Panel| if panel.own_axes { square(std::slice::from_ref(panel)) } else { None };
+    Some(panels.iter().map(|panel| own(panel).unwrap_or_else(|| all.clone())).collect())
+}
+
+fn size(panels: &[Panel]) -> (u32, u32) {
+    (PANEL * u32::try_from(panels.len()).unwrap_or(1), HEIGHT)
 }
 
 /// Return the least and largest coordinates over all panels; none without a finite point.
@@ -206,13 +295,12 @@ fn bounds(panels: &[Panel]) -> Option<[(f64, f64); 2]> {
     (!finite.is_empty()).then(|| [range(0), range(1)])
 }
 
-fn draw(svg: &mut String, title: &str, panels: &[Panel], ranges: &[std::ops::Range<f64>; 2]) -> Result<(), String> {
-    let width = PANEL * u32::try_from(panels.len()).unwrap_or(1);
-    let area = SVGBackend::with_string(svg, (width, HEIGHT)).into_drawing_area();
-    let text = |e: DrawingAreaErrorKind<std::io::Error>| e.to_string();
+fn draw<B: DrawingBackend>(backend: B, title: &str, panels: &[Panel], ranges: &[Ranges]) -> Result<(), String> {
+    let area = backend.into_drawing_area();
+    let text = |e: DrawingAreaErrorKind<B::ErrorType>| e.to_string();
     area.fill(&WHITE).map_err(text)?;
     let area = area.titled(title, ("sans-serif", 20)).map_err(text)?;
-    for (panel, place) in panels.iter().zip(area.split_evenly((1, panels.len()))) {
+    for ((panel, place), ranges) in panels.iter().zip(area.split_evenly((1, panels.len()))).zip(ranges) {
         let mut chart = ChartBuilder::on(&place)
             .caption(&panel.title, ("sans-serif", 15))
             .margin(8)
@@ -221,7 +309,12 @@ fn draw(svg: &mut String, title: &str, panels: &[Panel], ranges: &[std::ops::Ran
             .build_cartesian_2d(ranges[0].clone(), ranges[1].clone())
             .map_err(text)?;
         chart.configure_mesh().x_labels(5).y_labels(5).light_line_style(WHITE).draw().map_err(text)?;
-        for (label, set, colour, radius) in [("target", &panel.target, TARGET, 3), ("moved", &panel.moved, MOVED, 1)] {
+        let lines = thinned_lines(&panel.lines);
+        let lines =
+            lines.map(|[from, to]| PathElement::new(vec![(from[0], from[1]), (to[0], to[1])], ELLIPSE.mix(0.4)));
+        chart.draw_series(lines).map_err(text)?;
+        let [moved, target] = panel.labels.clone().unwrap_or(["moved".to_string(), "target".to_string()]);
+        for (label, set, colour, radius) in [(target, &panel.target, TARGET, 3), (moved, &panel.moved, MOVED, 1)] {
             let dots = thinned(set).map(|p| Circle::new((p[0], p[1]), radius, colour.mix(0.7).filled()));
             chart
                 .draw_series(dots)
@@ -250,6 +343,11 @@ fn draw(svg: &mut String, title: &str, panels: &[Panel], ranges: &[std::ops::Ran
             .map_err(text)?;
     }
     area.present().map_err(text)
+}
+
+fn thinned_lines(lines: &[[[f64; 2]; 2]]) -> impl Iterator<Item = &[[f64; 2]; 2]> {
+    let finite = |line: &&[[f64; 2]; 2]| line.as_flattened().iter().all(|x| x.is_finite());
+    lines.iter().step_by(lines.len().div_ceil(MAX_DRAWN).max(1)).filter(finite)
 }
 
 fn thinned(points: &[[f64; 2]]) -> impl Iterator<Item = &[f64; 2]> {

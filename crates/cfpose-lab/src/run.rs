@@ -1,6 +1,7 @@
 //! Computing an experiment: trials over threads, records into a folder.
 
 mod desk;
+mod replay;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
@@ -22,6 +23,7 @@ use crate::record::Record;
 use crate::scenario::{Scenario, ScenarioError};
 use crate::trial::Bench;
 use desk::{Claim, Desk};
+pub use replay::{Replay, replay};
 
 /// How far a run is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -231,7 +233,8 @@ fn probe(bench: &Bench<'_>, plan: &Plan, scenarios: &[Box<dyn Scenario>], jobs: 
             let prepared = bench.prepare(scenarios[job.trial.cell].as_ref(), &trial, &job.trial, method);
             // A start strategy that does not apply is an error before the run too.
             match prepared.and_then(|estimator| estimator.starts()) {
-                Ok(_) | Err(cfpose::Error::Points { .. } | cfpose::Error::Normalise { .. }) => {}
+                Ok(_)
+                | Err(cfpose::Error::Points { .. } | cfpose::Error::Data { .. } | cfpose::Error::Normalise { .. }) => {}
                 Err(problem) => {
                     let place = format!("method `{}`, scenario {}", method.name, cell.label());
                     return Err(LabError::Inapplicable { place, problem: Box::new(problem) });

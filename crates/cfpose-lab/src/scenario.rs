@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use cfpose::entry::{EntryError, NamedEntry, ParameterSpec, Parameters};
 use cfpose::theta::Layout;
-use cfpose::{Points, PointsError, Pose, PoseError};
+use cfpose::{Points, PointsError, Pose, PoseError, Side};
 use rand_chacha::ChaCha12Rng;
 
 /// Data of one trial and the truth about them.
@@ -62,14 +62,17 @@ pub enum ScenarioError {
     /// No valid point set came out.
     #[error("{side} points: {problem}")]
     Points {
-        /// `source` or `target`.
-        side: &'static str,
+        /// Which set.
+        side: Side,
         /// What is wrong.
         problem: PointsError,
     },
     /// A file that the parameters name cannot be used.
     #[error("{0}")]
     File(String),
+    /// The scenario's own code panicked.
+    #[error("its code panics: {0}")]
+    Panicked(String),
     /// The parameters do not describe a possible view.
     #[error("{0}")]
     Impossible(String),

@@ -1,5 +1,7 @@
 //! One trial: data from its stream, every method on the same data.
 
+use std::any::Any;
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::AtomicBool;
 use std::time::{Duration, Instant};
 
@@ -43,7 +45,14 @@ impl Bench<'_> {
             let begin = Instant::now();
             let mut record = self.blank(cell, planned, method);
             match &data {
-                Ok(trial) => self.solve(scenario, trial, planned, method, &mut record),
+                Ok(trial) => {
+                    // Code of entries that a program added may panic: that costs its own row, not the run.
+                    let solve = AssertUnwindSafe(|| self.solve(scenario, trial, planned, method, &mut record));
+                    if let Err(panic) = catch_unwind(solve) {
+                        record = self.blank(cell, planned, method);
+                        record.message = Some(format!("a panic: {}", words(panic.as_ref())));
+                    }
+                }
                 Err(problem) => record.message = Some(problem.to_string()),
             }
             record.seconds = begin.elapsed().as_secs_f64();
@@ -56,7 +65,8 @@ impl Bench<'_> {
 
     /// Draw the data of a trial.
     pub(crate) fn draw(&self, scenario: &dyn Scenario, planned: &PlannedTrial) -> Result<Trial, ScenarioError> {
-        scenario.trial(&mut data_stream(self.experiment.seed, planned.key))
+        let draw = || scenario.trial(&mut data_stream(self.experiment.seed, planned.key));
+        catch_unwind(AssertUnwindSafe(draw)).unwrap_or_else(|panic| Err(ScenarioError::Panicked(words(panic.as_ref()))))
     }
 
     /// Build a method's problem on the data of a trial.
@@ -165,4 +175,10 @@ impl Bench<'_> {
             record.mahalanobis_dof = record.mahalanobis.map(|_| manifold.tangent());
         }
     }
+}
+
+/// Return the message of a panic on one line.
+fn words(panic: &(dyn Any + Send)) -> String {
+    let text = panic.downcast_ref::<String>().map(String::as_str).or_else(|| panic.downcast_ref::<&str>().copied());
+    text.unwrap_or("without a message").split_whitespace().collect::<Vec<_>>().join(" ")
 }

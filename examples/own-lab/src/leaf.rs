@@ -2,7 +2,7 @@
 
 use cfpose::entry::ParameterSpec;
 use cfpose::theta::Layout;
-use cfpose::{Points, PoseError};
+use cfpose::{Points, PoseError, Side};
 use cfpose_lab::rand::RngExt;
 use cfpose_lab::rand_distr::StandardNormal;
 use cfpose_lab::{ChaCha12Rng, Scenario, ScenarioEntry, ScenarioError, Success, Trial};
@@ -30,8 +30,8 @@ impl Scenario for Leaf {
             Points::from_rows(rows).map_err(|problem| ScenarioError::Points { side, problem })
         };
         Ok(Trial {
-            source: points("source", &source)?,
-            target: points("target", &target)?,
+            source: points(Side::Source, &source)?,
+            target: points(Side::Target, &target)?,
             truth,
             start: Some(vec![0.0, 1.0, 1.0, 0.0, 0.0]),
             success: Success::Error(0.05),

@@ -114,7 +114,7 @@ fn prepare(lab: &Lab, model: &str, trial: &Trial, method: &str, seed: u64) -> Re
     if trial.start.is_none() && method == "paper" {
         for name in STRATEGIES {
             match attempt(&Method { start: name.to_string(), ..preset.clone() }) {
-                Err(Error::Unsupported(_)) => {}
+                Err(Error::Unsupported(_) | Error::Data { .. }) => {}
                 done => return Ok(done?),
             }
         }

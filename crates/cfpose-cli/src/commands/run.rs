@@ -1,5 +1,6 @@
 //! `cfpose run`: compute an experiment or a shard of it.
 
+mod only;
 mod shard;
 
 use std::io::IsTerminal;
@@ -11,13 +12,14 @@ use indicatif::{ProgressBar, ProgressStyle};
 use serde_json::json;
 
 use crate::args::RunArgs;
-use crate::failure::Failure;
+use crate::failure::{Failure, Kind};
+use crate::signals::Signals;
 use crate::{inputs, output};
 
 /// Run the command.
 ///
 /// # Errors
-/// [`Failure`] of the experiment file, the shard or the folder.
+/// [`Failure`] of the experiment file, the shard or the folder; records that should be there and are not; a signal.
 pub fn run(args: &RunArgs, lab: &Lab) -> Result<(), Failure> {
     let out = args.out.clone().unwrap_or_else(|| default_folder(&args.experiment));
     let shard = shard::parse(args.shard.as_deref(), &out, |name| std::env::var(name).ok())?;
@@ -27,9 +29,13 @@ pub fn run(args: &RunArgs, lab: &Lab) -> Result<(), Failure> {
     if let Some(trials) = args.trials {
         experiment = experiment.with_trials(trials as usize);
     }
+    if let Some(key) = &args.only {
+        return only::run(args, lab, &experiment, key, isa, &out);
+    }
     if args.dry {
         return dry(args, lab, &experiment, shard);
     }
+    let signals = Signals::watch();
     let bar = bar();
     let show = |progress: Progress| {
         bar.set_length(progress.total as u64);
@@ -41,27 +47,39 @@ pub fn run(args: &RunArgs, lab: &Lab) -> Result<(), Failure> {
         resume: args.resume,
         threads: inputs::num_threads(args.threads),
         isa,
+        cancel: Some(signals.flag()),
         progress: Some(&show),
         ..RunOptions::new(&out)
     };
-    let report = cfpose_lab::run(lab, &experiment, &options)?;
+    let mut report = cfpose_lab::run(lab, &experiment, &options)?;
     bar.finish_and_clear();
-    tell(args, &out, shard, &report)
+    let stopped = signals.caught().filter(|_| report.missing > 0);
+    if stopped.is_some() {
+        // Tables of what is there.
+        report.merged = Some(cfpose_lab::merge(lab, &out)?);
+    }
+    tell(args, &out, shard, &report)?;
+    let missing = format!("{} record(s) of shard {shard} are missing", report.missing);
+    match stopped {
+        None if report.missing == 0 => Ok(()),
+        None => Err(Failure::unusable(format!(
+            "{}: {missing}, something else changed the folder; run again with --resume",
+            out.display()
+        ))),
+        Some((code, name)) => {
+            let error = anyhow::anyhow!("stopped by {name}: {missing}; go on with --resume");
+            Err(Failure { kind: Kind::Stopped(code), error })
+        }
+    }
 }
 
 /// Refuse to write over the experiment file, or with the JSON over the results.
 fn keep_input(args: &RunArgs, out: &Path) -> Result<(), Failure> {
+    let (experiment, own) = (std::slice::from_ref(&args.experiment), out.join(EXPERIMENT));
+    // Without other trials the experiment of the folder is not written again.
+    let grows = args.trials.is_some() && own.is_file();
+    output::keep_apart(experiment, &[args.json.as_deref(), grows.then_some(own.as_path())])?;
     let mut files = own_files(out)?;
-    if args.trials.is_none() {
-        // The same experiment is not written again.
-        output::keep_apart(&[args.experiment.clone()], &[args.json.as_deref()])?;
-    } else {
-        let own = [out.join(EXPERIMENT)];
-        output::keep_apart(
-            &[args.experiment.clone()],
-            &[args.json.as_deref(), own[0].is_file().then_some(own[0].as_path())],
-        )?;
-    }
     files.retain(|path| !output::same_file(path, &args.experiment));
     output::keep_apart(&files, &[args.json.as_deref()])
 }
@@ -108,7 +126,7 @@ fn dry(args: &RunArgs, lab: &Lab, experiment: &Experiment, shard: Shard) -> Resu
     output::write_json(&value, json)
 }
 
-/// Print the tables of a complete run, or what is missing; records that should be there and are not have exit code 4.
+/// Print the tables, of a complete run or of what is there, and counts.
 fn tell(args: &RunArgs, out: &Path, shard: Shard, report: &RunReport) -> Result<(), Failure> {
     let mut text = String::new();
     if let Some(merged) = &report.merged {
@@ -135,16 +153,8 @@ fn tell(args: &RunArgs, out: &Path, shard: Shard, report: &RunReport) -> Result<
         "records": report.records,
         "expected": report.expected,
         "missing": report.missing,
-        "complete": report.merged.is_some(),
+        "complete": report.records == report.expected,
         "summary": report.merged.as_ref().map(|merged| &merged.rows),
     });
-    output::write_json(&value, json)?;
-    if report.missing > 0 {
-        return Err(Failure::unusable(format!(
-            "{}: {} record(s) of shard {shard} are missing, something else changed the folder; run again with --resume",
-            out.display(),
-            report.missing
-        )));
-    }
-    Ok(())
+    output::write_json(&value, json)
 }

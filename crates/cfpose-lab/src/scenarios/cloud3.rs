@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use cfpose::entry::{EntryError, ParameterSpec, Parameters};
-use cfpose::{Points, Pose};
+use cfpose::{Points, Pose, Side};
 use cfpose_optim::manifold::rotation_of_quaternion;
 use rand::RngExt;
 use rand_chacha::ChaCha12Rng;
@@ -120,8 +120,8 @@ impl Scenario for Cloud3 {
             Points::from_rows(rows).map_err(|problem| ScenarioError::Points { side, problem })
         };
         Ok(Trial {
-            source: points("source", &source)?,
-            target: points("target", &target)?,
+            source: points(Side::Source, &source)?,
+            target: points(Side::Target, &target)?,
             truth: pose.rotation.iter().chain(&pose.translation).copied().collect(),
             start: None,
             success: Success::Parts { angle: 5.0_f64.to_radians(), translation: 0.05 },

@@ -2,7 +2,7 @@
 
 use cfpose::entry::{EntryError, ParameterSpec, Parameters};
 use cfpose::theta::{Layout, RotationForm, rotation_of_euler};
-use cfpose::{Points, Pose};
+use cfpose::{Points, Pose, Side};
 use rand::RngExt;
 use rand_chacha::ChaCha12Rng;
 use rand_distr::StandardNormal;
@@ -116,13 +116,13 @@ impl Scenario for PlanarCurve {
             let mut source = self.source.clone();
             shuffle(&mut image, rng);
             shuffle(&mut source, rng);
-            points("source", &source)?
+            points(Side::Source, &source)?
         } else {
-            points("source", &self.source)?.in_curve_order()
+            points(Side::Source, &self.source)?.in_curve_order()
         };
         Ok(Trial {
             source,
-            target: points("target", &image)?,
+            target: points(Side::Target, &image)?,
             truth: ambient(&theta)?,
             start: if self.has_start { Some(ambient(&start)?) } else { None },
             success: Success::Error(THRESHOLD),

@@ -8,7 +8,7 @@ pub enum Lens {
     /// Radial, tangential and thin-prism terms: k1, k2, p1, p2, k3, k4, k5, k6, s1, s2, s3, s4.
     ///
     /// With r^2 = x^2 + y^2: x' = x (1 + k1 r^2 + k2 r^4 + k3 r^6) / (1 + k4 r^2 + k5 r^4 + k6 r^6) + 2 p1 x y + p2 (r^2 + 2 x^2)
-    /// + s1 r^2 + s2 r^4, and y' likewise with p1 (r^2 + 2 y^2) + 2 p2 x y + s3 r^2 + s4 r^4. The camera model of OpenCV; ROS names
+    /// plus s1 r^2 + s2 r^4, and y' likewise with p1 (r^2 + 2 y^2) + 2 p2 x y + s3 r^2 + s4 r^4. The camera model of OpenCV; ROS names
     /// it `plumb_bob` and `rational_polynomial`, Kalibr `radtan`.
     Polynomial([f64; 12]),
     /// The angle t to the optical axis is seen at the distance t (1 + k1 t^2 + k2 t^4 + k3 t^6 + k4 t^8) (Kannala and Brandt 2006;
