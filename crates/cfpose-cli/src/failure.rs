@@ -86,13 +86,16 @@ impl From<cfpose_optim::entry::EntryError> for Failure {
 }
 
 impl From<cfpose::Error> for Failure {
-    /// Points and their statistics are input; everything else the library refuses is a choice of arguments.
+    /// Points and their statistics are input, code that falls over gives no result; everything else the library refuses is a choice
+    /// of arguments.
     fn from(error: cfpose::Error) -> Self {
         let kind = match &error {
             cfpose::Error::Points { .. }
             | cfpose::Error::Data { .. }
             | cfpose::Error::PointDimension { .. }
             | cfpose::Error::Normalise { .. } => Kind::Input,
+            cfpose::Error::Build(BuildError::Broken { .. })
+            | cfpose::Error::Solve(cfpose_optim::SolveError::Broken { .. }) => Kind::Unusable,
             _ => Kind::Usage,
         };
         Self { kind, error: error.into() }

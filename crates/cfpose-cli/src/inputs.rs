@@ -1,6 +1,7 @@
 //! From arguments and files to an estimator.
 
 mod cameras;
+mod files;
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -13,11 +14,13 @@ use cfpose::theta::{Layout, RotationForm};
 use cfpose::{
     BuildContext, BuildError, Estimator, Execution, Isa, Model, Points, PointsError, Pose, Registry, Settings, Start,
 };
-use cfpose_vision::{Camera, Foreground, Invalid, PointFile, ReadOptions, format_named, format_of, read_points};
+use cfpose_vision::Camera;
 
-use crate::args::{FrameName, InvalidRows, ProblemArgs, ReadingArgs, Reflections, Side};
+use crate::args::{FrameName, ProblemArgs, Reflections};
 use crate::failure::{Failure, Kind, is_wrong_name};
 use crate::{output, starts};
+
+pub use files::read;
 
 /// A problem built from arguments and files.
 pub struct Loaded {
@@ -66,7 +69,7 @@ pub fn load(args: &ProblemArgs, registry: &Registry) -> Result<Loaded, Failure> 
         registry,
     )?;
     output::check_writable(args.json.as_deref())?;
-    let files = read_both(args)?;
+    let files = files::read_both(args)?;
     let (source, target) = (files[0].points.clone(), files[1].points.clone());
     let (source_dim, target_dim) = (source.dim(), target.dim());
     cameras::check(args, [source_dim, target_dim])?;
@@ -190,89 +193,6 @@ fn settings(args: &ProblemArgs, registry: &Registry) -> Result<Settings, Failure
         registry.normaliser(normaliser)?;
     }
     Ok(settings)
-}
-
-/// Read a point file that an estimate can use.
-///
-/// # Errors
-/// As [`read_points`].
-pub fn read(path: &Path) -> Result<Points, Failure> {
-    Ok(read_file(path, &ReadOptions::default())?.points)
-}
-
-fn read_file(path: &Path, options: &ReadOptions) -> Result<PointFile, Failure> {
-    let file = read_points(path, options)?;
-    check_size(&file.points).map_err(|problem| Failure::input(format!("{}: {problem}", path.display())))?;
-    Ok(file)
-}
-
-/// Read source and target with the flags of reading.
-fn read_both(args: &ProblemArgs) -> Result<[PointFile; 2], Failure> {
-    let paths = [&args.source, &args.target];
-    if paths.iter().all(|path| path.as_os_str() == "-") {
-        return Err(Failure::usage("--source and --target are both standard input; name a file for one of them"));
-    }
-    let reading = &args.reading;
-    if let Some(name) = &reading.format {
-        format_named(name).map_err(|fault| Failure::usage(format!("--format: {fault}")))?;
-    }
-    // The format is that of the files whose name tells none, else of both.
-    let open = paths.map(|path| format_of(path).is_err());
-    let options = |open_here: bool| ReadOptions {
-        format: reading.format.clone().filter(|_| open_here || open == [false; 2]),
-        ..read_options(reading)
-    };
-    let files = [read_file(paths[0], &options(open[0]))?, read_file(paths[1], &options(open[1]))?];
-    let of_masks = [("--threshold", reading.threshold.is_some()), ("--foreground", reading.foreground.is_some())];
-    if let Some((flag, _)) = of_masks.iter().find(|(_, given)| *given)
-        && files.iter().all(|file| file.format != "mask")
-    {
-        return Err(Failure::usage(format!("{flag} has no effect, no file is an image; leave it out")));
-    }
-    Ok(files)
-}
-
-/// Return what the flags of reading say.
-fn read_options(reading: &ReadingArgs) -> ReadOptions {
-    ReadOptions {
-        columns: reading.columns.clone(),
-        weight_column: reading.weight_column.clone(),
-        invalid: match reading.invalid {
-            None => Invalid::Missing,
-            Some(InvalidRows::Skip) => Invalid::Skip,
-            Some(InvalidRows::Refuse) => Invalid::Refuse,
-        },
-        max_points: reading.max_points.map(|most| usize::try_from(most).unwrap_or(usize::MAX)),
-        threshold: reading.threshold.unwrap_or_default(),
-        foreground: match reading.foreground {
-            None => Foreground::Auto,
-            Some(Side::Dark) => Foreground::Dark,
-            Some(Side::Bright) => Foreground::Bright,
-        },
-        ..ReadOptions::default()
-    }
-}
-
-/// Largest coordinate, and smallest extent: squares and cubes of what lies beyond are infinite or 0.
-const SIZES: [f64; 2] = [1e100, 1e-100];
-
-/// Check that means and covariances of the points can be computed.
-fn check_size(points: &Points) -> Result<(), String> {
-    let [most, least] = SIZES;
-    let (mut largest, mut extent) = (0.0_f64, 0.0_f64);
-    for d in 0..points.dim() {
-        let (low, high) =
-            points.column(d).iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), x| (a.min(*x), b.max(*x)));
-        largest = largest.max(low.abs()).max(high.abs());
-        extent = extent.max(high - low);
-    }
-    if largest > most {
-        return Err(format!("a coordinate of size {largest:e} overflows when it is squared; rescale the file"));
-    }
-    if extent < least {
-        return Err(format!("the points lie within {extent:e}, which underflows when it is squared; rescale the file"));
-    }
-    Ok(())
 }
 
 /// Put the name of the file before an error about its points.

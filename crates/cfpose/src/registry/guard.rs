@@ -5,6 +5,7 @@
 
 use std::any::Any;
 use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::{Mutex, PoisonError};
 
 use cfpose_kernel::family::{BasisBlock, DynFamily};
 use cfpose_kernel::isa::Isa;
@@ -12,8 +13,9 @@ use cfpose_kernel::map::{DynMap, MapBlock, Transform};
 use cfpose_kernel::means::Execution;
 use cfpose_kernel::points::{BLOCK, Points};
 use cfpose_optim::Outcome;
+use cfpose_optim::constraint::{Bounds, Constraints};
 use cfpose_optim::manifold::Manifold;
-use cfpose_optim::problem::{LeastSquares, half_squared_norm};
+use cfpose_optim::problem::{Capabilities, LeastSquares, half_squared_norm};
 use cfpose_optim::solver::{Control, Needs, SolveError, Solver};
 
 use crate::entry::BuildError;
@@ -189,19 +191,21 @@ impl Solver for Watched {
         control: &mut Control<'_>,
     ) -> Result<Outcome, SolveError> {
         let broken = |problem: String| SolveError::Broken { solver: self.solver.name().to_string(), problem };
-        let solved = catch_unwind(AssertUnwindSafe(|| self.solver.solve(problem, start, control)));
+        let seen = Seen { problem, costs: Mutex::default() };
+        let given: &dyn LeastSquares = if self.own { &seen } else { problem };
+        let solved = catch_unwind(AssertUnwindSafe(|| self.solver.solve(given, start, control)));
         let outcome = solved.map_err(|panic| {
             broken(format!("a panic in it, or in the model or family that it evaluates: {}", words(panic.as_ref())))
         })??;
         if self.own {
-            plausible(&outcome, problem, start.len()).map_err(broken)?;
+            plausible(&outcome, &seen, start.len()).map_err(broken)?;
         }
         Ok(outcome)
     }
 }
 
 /// Check that an outcome is one: theta of the right size, finite where it is usable, with its own cost.
-fn plausible(outcome: &Outcome, problem: &dyn LeastSquares, expected: usize) -> Result<(), String> {
+fn plausible(outcome: &Outcome, seen: &Seen<'_>, expected: usize) -> Result<(), String> {
     if outcome.theta.len() != expected {
         return Err(format!("it returns a theta of {} numbers, not {expected}", outcome.theta.len()));
     }
@@ -214,9 +218,67 @@ fn plausible(outcome: &Outcome, problem: &dyn LeastSquares, expected: usize) -> 
     if let Some(value) = outcome.theta.iter().find(|value| !value.is_finite()) {
         return Err(format!("it returns a theta that holds {value} as usable"));
     }
-    let mut residual = vec![0.0; problem.num_residuals()];
-    problem.residual(&outcome.theta, &mut residual);
-    let cost = half_squared_norm(&residual);
+    let cost = seen.cost(&outcome.theta);
     let same = (cost - outcome.cost).abs() <= SAME_COST * (1e-12 + cost.max(outcome.cost));
     if same { Ok(()) } else { Err(format!("it reports the cost {:e} at a theta whose cost is {cost:e}", outcome.cost)) }
+}
+
+/// A problem that remembers the cost of every theta, so that looking at an outcome takes no evaluation more.
+struct Seen<'a> {
+    problem: &'a dyn LeastSquares,
+    costs: Mutex<Vec<(Vec<f64>, f64)>>,
+}
+
+impl Seen<'_> {
+    fn keep(&self, theta: &[f64], residual: &[f64]) {
+        let mut costs = self.costs.lock().unwrap_or_else(PoisonError::into_inner);
+        costs.push((theta.to_vec(), half_squared_norm(residual)));
+    }
+
+    /// Return the cost at a theta; one that was never evaluated is evaluated now.
+    fn cost(&self, theta: &[f64]) -> f64 {
+        let costs = self.costs.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some((_, cost)) = costs.iter().rev().find(|(seen, _)| seen == theta) {
+            return *cost;
+        }
+        let mut residual = vec![0.0; self.problem.num_residuals()];
+        self.problem.residual(theta, &mut residual);
+        half_squared_norm(&residual)
+    }
+}
+
+impl LeastSquares for Seen<'_> {
+    fn manifold(&self) -> &dyn Manifold {
+        self.problem.manifold()
+    }
+
+    fn num_residuals(&self) -> usize {
+        self.problem.num_residuals()
+    }
+
+    fn residual(&self, theta: &[f64], residual: &mut [f64]) {
+        self.problem.residual(theta, residual);
+        self.keep(theta, residual);
+    }
+
+    fn jacobian(&self, theta: &[f64], residual: &mut [f64], jacobian: &mut [f64]) {
+        self.problem.jacobian(theta, residual, jacobian);
+        self.keep(theta, residual);
+    }
+
+    fn curvature(&self, theta: &[f64], weights: &[f64], hessian: &mut [f64]) {
+        self.problem.curvature(theta, weights, hessian);
+    }
+
+    fn capabilities(&self) -> Capabilities {
+        self.problem.capabilities()
+    }
+
+    fn bounds(&self) -> Option<&Bounds> {
+        self.problem.bounds()
+    }
+
+    fn constraints(&self) -> Option<&dyn Constraints> {
+        self.problem.constraints()
+    }
 }
