@@ -49,8 +49,9 @@ pub use method::Method;
 pub use plan::{Cell, Plan, Shard};
 pub use record::Record;
 pub use run::{Progress, Replay, RunOptions, RunReport, replay, run};
-pub use scenario::{Scenario, ScenarioEntry, ScenarioError, Success, Trial};
+pub use scenario::{Determined, Scenario, ScenarioEntry, ScenarioError, Success, Trial};
 pub use summary::{SummaryRow, summarise};
+pub use trial::nearest_truth;
 
 #[cfg(doctest)]
 #[doc = include_str!("../../../docs/adding/scenario.md")]

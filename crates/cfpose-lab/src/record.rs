@@ -27,6 +27,12 @@ pub struct Record {
     pub parameters: Map<String, Value>,
     /// Name of the method.
     pub method: String,
+    /// What the scenario drew at random, by name.
+    #[serde(skip_serializing_if = "Map::is_empty", default)]
+    pub conditions: Map<String, Value>,
+    /// Whether the data determine one theta; where not, `good` is wrong whatever the estimate.
+    #[serde(skip_serializing_if = "is_true", default = "truth")]
+    pub determined: bool,
     /// Repetition, from 0.
     pub repetition: usize,
     /// Key of the trial, 16 hexadecimal digits.
@@ -99,7 +105,20 @@ pub struct Record {
     pub checksum: String,
 }
 
+fn is_true(value: &bool) -> bool {
+    *value
+}
+
+fn truth() -> bool {
+    true
+}
+
 impl Record {
+    /// Say whether the verdict is `good` where it must not be: the estimate is no success, or the data do not determine theta.
+    pub fn is_wrong_but_good(&self) -> bool {
+        self.verdict.as_deref() == Some("good") && !(self.success && self.determined)
+    }
+
     /// Say whether two records agree in everything but the time.
     pub fn same_result(&self, other: &Record) -> bool {
         let result = |record: &Record| Record { seconds: 0.0, checksum: String::new(), ..record.clone() };

@@ -25,3 +25,16 @@ pub fn add_uniform<const D: usize>(points: &mut Vec<[f64; D]>, count: usize, rng
         }));
     }
 }
+
+/// Choose one of several values by their shares.
+pub fn chosen<T: Copy>(values: &[(T, u32)], rng: &mut ChaCha12Rng) -> T {
+    let total: u32 = values.iter().map(|(_, share)| share).sum();
+    let mut left = rng.random_range(0..total);
+    for (value, share) in values {
+        if left < *share {
+            return *value;
+        }
+        left -= share;
+    }
+    values[0].0
+}

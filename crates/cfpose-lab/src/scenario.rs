@@ -20,6 +20,39 @@ pub struct Trial {
     pub start: Option<Vec<f64>>,
     /// What counts as success.
     pub success: Success,
+    /// Other thetas (ambient) that are as true, because the shape has a symmetry: the error is that of the nearest one.
+    pub equally_true: Vec<Vec<f64>>,
+    /// What the data determine.
+    pub determined: Determined,
+    /// What was drawn at random, as (name, value): reports count by them.
+    pub conditions: Vec<(&'static str, String)>,
+}
+
+/// What the data of a trial determine, whoever estimates it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Determined {
+    /// One theta.
+    #[default]
+    Theta,
+    /// One of several thetas, or theta but for a direction: an estimate may be right, but is never `good`.
+    InPart,
+    /// Nothing: the target is another shape, and every estimate is wrong.
+    Nothing,
+}
+
+impl Trial {
+    /// Make a trial without a start, whose data determine theta.
+    pub fn new(source: Points, target: Points, truth: Vec<f64>, success: Success) -> Self {
+        let (equally_true, conditions) = (Vec::new(), Vec::new());
+        Self { source, target, truth, start: None, success, equally_true, determined: Determined::Theta, conditions }
+    }
+
+    /// Begin from a theta (ambient).
+    #[must_use]
+    pub fn with_start(mut self, start: Vec<f64>) -> Self {
+        self.start = Some(start);
+        self
+    }
 }
 
 /// The rule of success.

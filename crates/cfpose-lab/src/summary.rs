@@ -140,7 +140,7 @@ fn row(scenario: &str, parameters: &Map<String, Value>, method: &str, records: &
         median_rotation_deg: middle(&|r| r.rotation_deg),
         median_translation: middle(&|r| r.translation),
         median_error: middle(&|r| r.error),
-        wrong_but_good: count(&|r| r.verdict.as_deref() == Some("good") && !r.success),
+        wrong_but_good: count(&Record::is_wrong_but_good),
         median_seconds: middle(&|r| Some(r.seconds)),
         successes_sum: count(&|r| r.success_sum),
         median_evaluations: middle(&|r| Some(r.evaluations as f64)),

@@ -5,8 +5,8 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::AtomicBool;
 use std::time::{Duration, Instant};
 
-use cfpose::theta::RotationForm;
-use cfpose::{BuildContext, Estimate, Estimator, Execution, Supervision};
+use cfpose::theta::{Layout, RotationForm};
+use cfpose::{BuildContext, Estimate, Estimator, Execution, PoseError, Supervision};
 use cfpose_optim::Manifold;
 use serde_json::Map;
 
@@ -16,7 +16,7 @@ use crate::lab::Lab;
 use crate::method::Method;
 use crate::plan::{Cell, PlannedTrial};
 use crate::record::{DataHashes, Record, VERSION};
-use crate::scenario::{Scenario, ScenarioError, Trial};
+use crate::scenario::{Determined, Scenario, ScenarioError, Trial};
 use crate::seed::{data_stream, method_seed};
 use crate::value::json_of;
 
@@ -46,11 +46,14 @@ impl Bench<'_> {
             let mut record = self.blank(cell, planned, method);
             match &data {
                 Ok(trial) => {
+                    record.conditions =
+                        trial.conditions.iter().map(|(name, value)| (name.to_string(), json_of(value))).collect();
+                    record.determined = trial.determined == Determined::Theta;
                     // Code of entries that a program added may panic: that costs its own row, not the run.
+                    let before = record.clone();
                     let solve = AssertUnwindSafe(|| self.solve(scenario, trial, planned, method, &mut record));
                     if let Err(panic) = catch_unwind(solve) {
-                        record = self.blank(cell, planned, method);
-                        record.message = Some(format!("a panic: {}", words(panic.as_ref())));
+                        record = Record { message: Some(format!("a panic: {}", words(panic.as_ref()))), ..before };
                     }
                 }
                 Err(problem) => record.message = Some(problem.to_string()),
@@ -92,6 +95,8 @@ impl Bench<'_> {
             scenario: cell.scenario.clone(),
             parameters,
             method: method.name.clone(),
+            conditions: Map::new(),
+            determined: true,
             repetition: planned.repetition,
             key: format!("{:016x}", planned.key),
             success: false,
@@ -158,20 +163,21 @@ impl Bench<'_> {
         let Ok(model) = self.lab.registry.model(scenario.model(), &BuildContext::default()) else { return };
         record.theta = Some(model.layout.to_list(&estimate.theta, RotationForm::Vector))
             .filter(|list| list.iter().all(|v| v.is_finite()));
-        let Some(error) = scenario.error(&model.layout, &estimate.theta, &trial.truth) else { return };
+        let Some((error, truth)) = nearest_truth(scenario, &model.layout, &estimate.theta, trial) else { return };
         record.rotation_deg = Some(error.angle.to_degrees());
         record.translation = Some(error.translation);
         record.error = Some(error.total());
         record.e_sum = Some(error.angle + error.translation);
-        record.success = record.usable && trial.success.holds(&error);
-        record.success_sum = record.usable && trial.success.holds_for_sum(&error);
+        let possible = record.usable && trial.determined != Determined::Nothing;
+        record.success = possible && trial.success.holds(&error);
+        record.success_sum = possible && trial.success.holds_for_sum(&error);
         if let Some(statistics) = &estimate.statistics {
             let manifold = model.layout.manifold();
             record.noise_sigma = statistics.noise_sigma;
             record.j_statistic = Some(statistics.j_statistic).filter(|value| value.is_finite());
             record.degrees_of_freedom = Some(statistics.degrees_of_freedom);
             record.p_value = Some(statistics.p_value);
-            record.mahalanobis = mahalanobis(manifold, &estimate.theta, &trial.truth, &statistics.covariance);
+            record.mahalanobis = mahalanobis(manifold, &estimate.theta, truth, &statistics.covariance);
             record.mahalanobis_dof = record.mahalanobis.map(|_| manifold.tangent());
         }
     }
@@ -181,4 +187,17 @@ impl Bench<'_> {
 fn words(panic: &(dyn Any + Send)) -> String {
     let text = panic.downcast_ref::<String>().map(String::as_str).or_else(|| panic.downcast_ref::<&str>().copied());
     text.unwrap_or("without a message").split_whitespace().collect::<Vec<_>>().join(" ")
+}
+
+/// Compare an estimate with the nearest of the true thetas of a trial; return that theta too.
+pub fn nearest_truth<'a>(
+    scenario: &dyn Scenario,
+    layout: &Layout,
+    estimate: &[f64],
+    trial: &'a Trial,
+) -> Option<(PoseError, &'a [f64])> {
+    std::iter::once(&trial.truth)
+        .chain(&trial.equally_true)
+        .filter_map(|truth| Some((scenario.error(layout, estimate, truth)?, truth.as_slice())))
+        .min_by(|a, b| a.0.total().total_cmp(&b.0.total()))
 }

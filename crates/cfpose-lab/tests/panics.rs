@@ -24,13 +24,8 @@ impl Scenario for Fragile {
         assert!(rows[0][0] < 0.8, "the box of {:.3} is too wide\nfor words", rows[0][0]);
         let points = |side| Points::from_rows(&rows).map_err(|problem| ScenarioError::Points { side, problem });
         let start = Layout::pose3().neutral();
-        Ok(Trial {
-            source: points(Side::Source)?,
-            target: points(Side::Target)?,
-            truth: start.clone(),
-            start: Some(start),
-            success: Success::Error(0.1),
-        })
+        Ok(Trial::new(points(Side::Source)?, points(Side::Target)?, start.clone(), Success::Error(0.1))
+            .with_start(start))
     }
 }
 

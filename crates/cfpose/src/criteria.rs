@@ -121,18 +121,6 @@ criteria! {
     /// Distance along normals, in spacings, beyond which a fit is too far off to show its sampling.
     near_sampling: f64 = 3.0, "spacings",
         "chosen: closer fits are moved onto the shape first, by 6 steps of closest points";
-    /// Evidence that a refinement gains: growth of the log likelihood of the distances, at least.
-    refine_nats: f64 = 0.0, "nats",
-        "bent sheet, 500 independent points: refined fits gain 1 to 10 nats and a third of the error; a bound of 8 loses that";
-    /// Noise in spacings below which it does not change who is nearest.
-    refine_spacing: f64 = 0.5, "spacings",
-        "half the spacing: the nearest point is then the true neighbour on the shape";
-    /// A refinement is tried where the noise seems to be below so many times its limit.
-    refine_nearly: f64 = 4.0, "ratio",
-        "chosen: a pose that is still off adds its misfit; the limit is asked again afterwards";
-    /// Share of nearest distances that are equal, above which a set is a lattice and closest points would lock onto it.
-    lattice: f64 = 0.5, "share",
-        "most distances of a raster are the pixel's; of points drawn at random next to none agree to 1e-6";
     /// Costs of screened starts, relative to the best, above which a start is not tried once a better one is accepted.
     clearly_worse: f64 = 3.0, "ratio of costs",
         "chosen: mirror images of flat patterns differ by less";
@@ -145,39 +133,42 @@ criteria! {
     /// Perturbations of a given start in turn: standard deviations of the rotation, and of lengths in sizes of the source.
     perturb: [f64; 3] = [0.2, 0.2, 0.4], "radians",
         "a budget: twice near, then farther";
-    /// Hypotheses that are questioned for outliers.
-    questioned: usize = 3, "hypotheses",
-        "a budget";
-    /// Points of the coarse fit of a mixture: source, target.
-    mixture_points: [usize; 2] = [400, 1000], "points",
-        "a budget: a start of the fit on all points";
-    /// Standard deviation that a mixture begins with.
-    mixture_sigma: f64 = 0.15, "normalised units",
-        "chosen: wide enough for a pose .1 off, then annealed";
-    /// Points of the coarse trimmed fit: source, target.
-    trimmed_points: [usize; 2] = [1000, 400], "points",
-        "a budget: a start of the fit on all points";
     /// Distance from the mapped source beyond which a target point is an outlier.
     reject: f64 = 3.3, "standard deviations",
         "one normal residual in 1000 is lost";
-    /// Rotations that the search for partial overlap begins from.
-    overlap_starts: usize = 160, "starts",
-        "a budget: about 30 degrees apart";
-    /// Points of that search: source, target.
-    overlap_points: [usize; 2] = [600, 250], "points",
+    /// Nats by which another mode has to be behind.
+    mode_nats: f64 = 8.0, "nats",
+        "set on the hunt: a mode that is closer may be the true one";
+    /// Standard deviations by which another mode has to be behind: a lead of many small differences may be chance.
+    mode_deviations: f64 = 3.0, "standard deviations",
+        "Vuong's test; equal poses of symmetric shapes, sampled anew, stay below";
+    /// Starts of the points' likelihood that are aligned to the end.
+    aligned: usize = 40, "starts",
         "a budget";
-    /// Poses of that search that are refined with all points.
-    overlap_finalists: usize = 6, "poses",
+    /// Modes that are polished: in any case, and at most while they are about as good.
+    polished: [usize; 2] = [6, 30], "modes",
+        "a budget: a cube has 24";
+    /// Nats (of the coarse likelihood) behind the best up to which a mode is about as good.
+    about_as_good: f64 = 12.0, "nats",
+        "chosen: symmetric poses of a new sample differ by chance";
+    /// Points of the coarse likelihood: source, target.
+    coarse_points: [usize; 2] = [300, 150], "points",
         "a budget";
-    /// Distance up to which a point has a partner on the other side.
-    overlap_reach: f64 = 1.5, "spacings",
-        "chosen: independent samples are seldom farther apart";
-    /// Gain in partners that a pose of partial overlap needs.
-    overlap_gain: f64 = 1.02, "ratio",
-        "chosen: less is within the scatter of the count";
-    /// Rounds of choosing partners and estimating again.
-    overlap_rounds: usize = 2, "rounds",
-        "a budget";
+    /// Points of the likelihood that compares modes: source, target.
+    fine_points: [usize; 2] = [500, 400], "points",
+        "a budget; nats are those of so many points";
+    /// Deviation of a direction under the smoothed likelihood from which on it is walked along.
+    weak: f64 = 0.02, "radians, sizes of the source",
+        "chosen: determined directions of 400 points have a tenth of it";
+    /// Expected number of thetas as good by chance (base 10 logarithm) above which a fit is suspect.
+    false_alarms: f64 = -3.0, "log10",
+        "one in a thousand estimates of unrelated points";
+    /// Deviation of theta above which a fit is suspect.
+    deviation: f64 = 0.035, "radians, sizes of the source",
+        "a third of the error that counts as success";
+    /// Share of the source that the target does not explain, above which a fit is suspect.
+    unseen: f64 = 0.1, "share",
+        "set on the hunt";
     /// Clusters of the target that `ransac` leaves out in turn.
     clusters: usize = 8, "clusters",
         "a budget: a blob of 5 % or more falls into one or two of them";

@@ -1,12 +1,10 @@
-//! Distances between points, which means cannot see: nearest-neighbour support of a fit, trimmed closest points, a mixture with
-//! outliers, correspondence.
+//! Distances between points, which means cannot see: the likelihood of the points, nearest-neighbour support of a fit, correspondence.
 //!
 //! Everything here works on points mapped into the feature space and their derivatives along theta, so that every model
 //! takes part without further code.
 
-pub(crate) mod closest_point;
 pub(crate) mod correspondence;
-pub(crate) mod mixture;
+pub(crate) mod likelihood;
 pub(crate) mod neighbours;
 mod normals;
 pub(crate) mod sampling;
@@ -24,7 +22,6 @@ use cfpose_optim::manifold::Manifold;
 use cfpose_optim::problem::LeastSquares;
 
 use crate::problem::MomentProblem;
-use neighbours::Neighbours;
 
 /// Source points mapped into the feature space at one theta, not normalised, with derivatives.
 pub(crate) struct Mapped {
@@ -120,11 +117,6 @@ impl<'a> Mover<'a> {
         self.problem.manifold().retract(theta, &full, &mut moved);
         moved
     }
-}
-
-/// Return the median distance between mapped points.
-pub(crate) fn spacing(mapped: &Mapped) -> f64 {
-    Neighbours::new(mapped.x.clone(), mapped.dim).spacing()
 }
 
 /// Split by medians along the widest coordinate, `depth` times, and visit the groups.

@@ -25,26 +25,29 @@ mod candidate;
 mod continuous;
 mod estimate;
 mod evaluate;
+mod modes;
 mod outliers;
-mod overlap;
 mod pipeline;
+mod points;
 mod preset;
 mod ransac;
 mod read_off;
-mod refine;
 mod run;
 mod schedule;
 mod search;
 mod settings;
 mod solve;
 mod stage;
+mod undetermined;
 mod verdict;
 mod workbench;
 
 pub use candidate::{By, Minimised, WeightedAt};
 pub use estimate::{Alternative, Estimate, StageReport};
-pub use pipeline::{NoiseModel, Outliers, Pipeline, Stage};
+pub use pipeline::{NoiseModel, Outliers, Pipeline, PointsStage, Stage};
+pub use points::Evidence;
 pub use settings::{PRESETS, Settings, Start};
+pub use undetermined::Undetermined;
 pub use verdict::Verdict;
 
 use search::{Search, Stages};
@@ -178,7 +181,6 @@ impl Estimator {
         let found = search.run(&given, &mut supervision)?;
         let Some(mut best) = found.best else { return Ok(self.nothing(&search, &given)) };
         let stage = self.stages.last();
-        refine::refine(&mut best, stage, &self.pipeline, &self.parts)?;
         let usable = best.outcome.usable();
         let (mut warnings, alternatives) =
             if usable { search.compare(&mut best, &found.all) } else { (Vec::new(), Vec::new()) };
@@ -186,6 +188,10 @@ impl Estimator {
         let theta = best.theta.clone();
         if usable {
             best.move_to(&theta);
+        }
+        if let Some(statistics) = best.statistics.as_mut().filter(|_| best.evidence.is_some()) {
+            best.deviation = Some(search.deviation(&theta, &statistics.covariance));
+            undetermined::without(&best.undetermined, &mut statistics.covariance);
         }
         warnings.extend(verdict::reasons(&best, stage, &self.parts).into_iter().map(|(words, _)| words));
         let conditioning = if usable { self.conditioning(&best) } else { self.unknown() };
@@ -207,7 +213,9 @@ impl Estimator {
             statistics: best.statistics,
             support: best.support,
             clutter: best.clutter,
-            refined: best.refined,
+            refined: best.by == By::Points,
+            undetermined: best.undetermined,
+            evidence: best.evidence,
             sampling: best.sampling.map(|s| s.name()),
             stages: search.reports,
             outcome: best.outcome,
@@ -272,6 +280,8 @@ impl Estimator {
             support: None,
             clutter: None,
             refined: false,
+            undetermined: Vec::new(),
+            evidence: None,
             sampling: None,
             stages: search.reports.clone(),
             outcome,

@@ -29,13 +29,9 @@ impl Scenario for Leaf {
         let points = |side, rows: &[[f64; 2]]| {
             Points::from_rows(rows).map_err(|problem| ScenarioError::Points { side, problem })
         };
-        Ok(Trial {
-            source: points(Side::Source, &source)?,
-            target: points(Side::Target, &target)?,
-            truth,
-            start: Some(vec![0.0, 1.0, 1.0, 0.0, 0.0]),
-            success: Success::Error(0.05),
-        })
+        let trial =
+            Trial::new(points(Side::Source, &source)?, points(Side::Target, &target)?, truth, Success::Error(0.05));
+        Ok(trial.with_start(vec![0.0, 1.0, 1.0, 0.0, 0.0]))
     }
 
     // The model has no pose in 3-D, so the scenario says what its error is: the angle, and scales and translation together.

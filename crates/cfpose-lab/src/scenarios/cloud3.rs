@@ -12,7 +12,7 @@ use rand_distr::StandardNormal;
 use crate::sampling::{add_uniform, shuffle};
 use crate::scenario::{Scenario, ScenarioEntry, ScenarioError, Success, Trial};
 
-mod shape;
+pub(super) mod shape;
 
 use shape::{Shape, Source, direction};
 
@@ -119,13 +119,9 @@ impl Scenario for Cloud3 {
         let points = |side, rows: &[[f64; 3]]| {
             Points::from_rows(rows).map_err(|problem| ScenarioError::Points { side, problem })
         };
-        Ok(Trial {
-            source: points(Side::Source, &source)?,
-            target: points(Side::Target, &target)?,
-            truth: pose.rotation.iter().chain(&pose.translation).copied().collect(),
-            start: None,
-            success: Success::Parts { angle: 5.0_f64.to_radians(), translation: 0.05 },
-        })
+        let truth = pose.rotation.iter().chain(&pose.translation).copied().collect();
+        let success = Success::Parts { angle: 5.0_f64.to_radians(), translation: 0.05 };
+        Ok(Trial::new(points(Side::Source, &source)?, points(Side::Target, &target)?, truth, success))
     }
 }
 

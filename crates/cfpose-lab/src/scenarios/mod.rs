@@ -1,10 +1,12 @@
 //! The scenario table: a new scenario is one file and one line here.
 
 mod cloud3;
+mod hunt_planar;
+mod hunt_space;
 mod planar_curve;
 
 pub use crate::curves;
 use crate::scenario::ScenarioEntry;
 
 /// All scenarios of the laboratory.
-pub const ALL: &[&ScenarioEntry] = &[&planar_curve::ENTRY, &cloud3::ENTRY];
+pub const ALL: &[&ScenarioEntry] = &[&planar_curve::ENTRY, &cloud3::ENTRY, &hunt_planar::ENTRY, &hunt_space::ENTRY];

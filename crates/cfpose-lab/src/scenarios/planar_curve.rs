@@ -120,13 +120,8 @@ impl Scenario for PlanarCurve {
         } else {
             points(Side::Source, &self.source)?.in_curve_order()
         };
-        Ok(Trial {
-            source,
-            target: points(Side::Target, &image)?,
-            truth: ambient(&theta)?,
-            start: if self.has_start { Some(ambient(&start)?) } else { None },
-            success: Success::Error(THRESHOLD),
-        })
+        let trial = Trial::new(source, points(Side::Target, &image)?, ambient(&theta)?, Success::Error(THRESHOLD));
+        Ok(if self.has_start { trial.with_start(ambient(&start)?) } else { trial })
     }
 }
 

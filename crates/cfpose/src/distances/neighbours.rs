@@ -103,14 +103,6 @@ impl Neighbours {
         all[all.len() / 2]
     }
 
-    /// Return the share of these distances that equal their median to 1e-6: nearly all of a lattice, next to none of points
-    /// drawn at random.
-    pub fn equal_spacing_share(&self) -> f64 {
-        let all = self.nearest_distances();
-        let median = all[all.len() / 2];
-        all.iter().filter(|d| (**d - median).abs() <= 1e-6 * median).count() as f64 / all.len() as f64
-    }
-
     /// Return the distances of up to 500 points to their nearest other point, ascending.
     fn nearest_distances(&self) -> Vec<f64> {
         let step = self.rows.len().div_ceil(500);

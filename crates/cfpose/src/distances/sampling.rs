@@ -89,3 +89,49 @@ pub(crate) fn thin(points: &Points, limit: usize, rng: &mut impl rand::Rng) -> R
     }
     points.select(&indices)
 }
+
+/// Return at most `limit` of the points, one from each cell of a grid that is as fine as that allows: dense parts lose most, so that what is
+/// left covers the shape evenly, however it was sampled.
+///
+/// # Errors
+/// [`PointsError::NoWeight`] when all chosen weights are zero.
+pub(crate) fn even(points: &Points, limit: usize) -> Result<Points, PointsError> {
+    let dim = points.dim();
+    let bounds: Vec<(f64, f64)> = (0..dim)
+        .map(|d| {
+            let mut column = points.column(d).to_vec();
+            column.sort_by(f64::total_cmp);
+            // Strays must not widen the cells.
+            let (low, high) = (column[column.len() / 20], column[(column.len() - 1) * 19 / 20]);
+            (low, high - low)
+        })
+        .collect();
+    let size = bounds.iter().map(|(_, width)| *width).fold(0.0, f64::max);
+    if points.len() <= 3 || !(size > 0.0) {
+        return Ok(points.clone());
+    }
+    // Cells per size of the set, by bisection.
+    let (mut coarse, mut fine) = (2.0_f64, 400.0_f64);
+    let mut kept = first_of_cells(points, &bounds, size, coarse);
+    for _ in 0..9 {
+        let middle = (coarse * fine).sqrt();
+        let rows = first_of_cells(points, &bounds, size, middle);
+        if rows.len() <= limit {
+            (coarse, kept) = (middle, rows);
+        } else {
+            fine = middle;
+        }
+    }
+    points.select(&kept)
+}
+
+/// Return the first point of every cell.
+fn first_of_cells(points: &Points, bounds: &[(f64, f64)], size: f64, cells: f64) -> Vec<usize> {
+    let mut seen = std::collections::HashSet::new();
+    let cell = |k: usize| -> [i64; 3] {
+        std::array::from_fn(|d| {
+            bounds.get(d).map_or(0, |(low, _)| ((points.column(d)[k] - low) / size * cells).floor() as i64)
+        })
+    };
+    (0..points.len()).filter(|k| seen.insert(cell(*k))).collect()
+}

@@ -3,6 +3,7 @@
 use super::Parts;
 use super::candidate::Candidate;
 use super::estimate::Alternative;
+use super::modes::Mode;
 use super::search::Search;
 use super::stage::ReadyStage;
 use super::verdict::Verdict;
@@ -28,6 +29,14 @@ impl ReadyStage {
     }
 }
 
+impl ReadyStage {
+    /// Return the thetas that the model says a theta may also be.
+    pub fn implied(&self, theta: &[f64], parts: &Parts) -> Vec<Vec<f64>> {
+        let findings = self.examine(theta, parts);
+        findings.theta.into_iter().chain(findings.candidates).collect()
+    }
+}
+
 impl Search<'_> {
     /// Bring the best candidate into its canonical form and return what the model says about it, and the other thetas.
     ///
@@ -50,14 +59,33 @@ impl Search<'_> {
             (alternatives[index].theta, alternatives[index].cost) = before;
             findings.warnings = stage.examine(&best.theta, parts).warnings;
         }
-        self.add_found(&mut alternatives, best, all);
-        let equals = alternatives.iter().filter(|other| self.is_as_good(other.cost, best.outcome.cost)).count();
-        if equals > 0 {
-            findings.warnings.push(format!("{equals} other theta explain(s) the data as well: see the alternatives"));
+        if best.evidence.is_some() {
+            alternatives = self.modes_of(best);
+        } else {
+            self.add_found(&mut alternatives, best, all);
+            let equals = alternatives.iter().filter(|other| self.is_as_good(other.cost, best.outcome.cost)).count();
+            if equals > 0 {
+                findings
+                    .warnings
+                    .push(format!("{equals} other theta explain(s) the data as well: see the alternatives"));
+            }
         }
         let own = stage.own();
         alternatives.iter_mut().for_each(|other| other.theta.truncate(own));
         (findings.warnings, alternatives)
+    }
+
+    /// Return the other modes of the points' likelihood; the cost is that of the problem that the best one minimises.
+    fn modes_of(&self, best: &Candidate) -> Vec<Alternative> {
+        let nuisance = &best.theta[self.last().own()..];
+        let of = |mode: &Mode| {
+            let theta = [&mode.fit.theta[..self.last().own()], nuisance].concat();
+            let equal = mode.is_equal(&self.parts.criteria);
+            let verdict = Some(if equal { Verdict::Ambiguous } else { Verdict::Suspect });
+            let cost = best.problem.evaluate(&theta).cost;
+            Alternative { theta, cost, verdict, relative_likelihood: Some((-mode.behind[0]).exp()) }
+        };
+        best.modes.iter().map(of).collect()
     }
 
     /// Return the thetas that the model implies and that do as well, cheapest first.
@@ -67,7 +95,7 @@ impl Search<'_> {
             let cost = best.problem.evaluate(&theta).cost;
             let known = implied.iter().any(|other| self.is_same(&other.theta, &theta));
             if self.is_as_good(cost, best.outcome.cost) && !self.is_same(&best.theta, &theta) && !known {
-                implied.push(Alternative { theta, cost, verdict: None });
+                implied.push(Alternative { theta, cost, verdict: None, relative_likelihood: None });
             }
         }
         implied.sort_by(|a, b| a.cost.total_cmp(&b.cost));
@@ -84,7 +112,7 @@ impl Search<'_> {
                     false => Verdict::Suspect,
                 });
                 let (theta, cost) = (other.theta.clone(), other.outcome.cost);
-                alternatives.push(Alternative { theta, cost, verdict });
+                alternatives.push(Alternative { theta, cost, verdict, relative_likelihood: None });
             }
         }
     }

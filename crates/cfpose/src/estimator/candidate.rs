@@ -7,8 +7,11 @@ use cfpose_optim::{Outcome, Status};
 use serde::{Deserialize, Serialize};
 
 use super::Parts;
+use super::modes::Mode;
 use super::pipeline::Stage;
+use super::points::Evidence;
 use super::stage::ReadyStage;
+use super::undetermined::Undetermined;
 use super::workbench::Data;
 use crate::distances::sampling::Sampling;
 use crate::distances::support::Support;
@@ -21,7 +24,7 @@ use crate::statistics::{Randomness, Statistics, chi_square_tail};
 pub enum By {
     /// Means of feature functions.
     Moments,
-    /// Distances between the points: closest points, a mixture with outliers.
+    /// Likelihood of the points.
     Points,
 }
 
@@ -91,8 +94,14 @@ pub(super) struct Candidate {
     pub score: f64,
     /// Share of the target points that were left out as outliers.
     pub clutter: Option<f64>,
-    /// Whether theta was refined by closest points.
-    pub refined: bool,
+    /// What the likelihood of the points says.
+    pub evidence: Option<Evidence>,
+    /// The other modes of that likelihood, most likely first.
+    pub modes: Vec<Mode>,
+    /// Directions that the points do not determine.
+    pub undetermined: Vec<Undetermined>,
+    /// Root of the trace of the covariance: radians, lengths in sizes of the source.
+    pub deviation: Option<f64>,
     /// Rows of the files that `problem` is about, `None` for all.
     pub kept_source: Option<Arc<Vec<usize>>>,
     pub kept_target: Option<Arc<Vec<usize>>>,

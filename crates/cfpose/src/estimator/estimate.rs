@@ -4,6 +4,8 @@ use cfpose_optim::Outcome;
 use serde::Serialize;
 
 use super::candidate::{By, Minimised};
+use super::points::Evidence;
+use super::undetermined::Undetermined;
 use super::verdict::Verdict;
 use crate::distances::support::Support;
 use crate::geometry::pose::Pose;
@@ -18,8 +20,10 @@ pub struct Alternative {
     pub theta: Vec<f64>,
     /// Its cost.
     pub cost: f64,
-    /// Its verdict, `None` where the weighting has no statistic.
+    /// Its verdict, `None` where the weighting has no statistic; `Ambiguous` where it explains the points as well as the best.
     pub verdict: Option<Verdict>,
+    /// Likelihood of the points relative to that at the most likely theta; where the pipeline asks it.
+    pub relative_likelihood: Option<f64>,
 }
 
 /// The result of an estimate. Everything in it belongs to `theta`, or says to what. It serialises under the names of its fields;
@@ -78,8 +82,12 @@ pub struct Estimate {
     pub support: Option<Support>,
     /// Share of the target points that were left out as outliers.
     pub clutter: Option<f64>,
-    /// Whether theta was refined by closest points.
+    /// Whether theta is the most likely one for the points rather than the best fit of means.
     pub refined: bool,
+    /// What the likelihood of the points says; where the pipeline asks it.
+    pub evidence: Option<Evidence>,
+    /// Directions of theta that the points do not determine; their variances are NaN (null in JSON).
+    pub undetermined: Vec<Undetermined>,
     /// How the sets were sampled, given or found.
     pub sampling: Option<&'static str>,
     /// What each stage of the pipeline did.

@@ -96,17 +96,40 @@ impl Stage {
     }
 }
 
-/// What is done about target points that the source does not explain.
+/// The likelihood of the points as the last stage of a pipeline: its modes are searched, compared and polished.
+///
+/// ```
+/// use cfpose::estimator::{Pipeline, PointsStage, Stage};
+/// let means = Stage::new("means", "hermite[degree=3]");
+/// let points = PointsStage { start: Some("grid[count=100]".to_string()), ..PointsStage::default() };
+/// let pipeline = Pipeline { points: Some(points), ..Pipeline::new(vec![means]) };
+/// assert_eq!(pipeline.points.unwrap().target_points, 2000);
+/// ```
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields, default)]
+pub struct PointsStage {
+    /// Start strategy that covers the model's manifold; absent: only what the means found and given starts are polished.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub start: Option<String>,
+    /// Source points that are used at most to polish the answer.
+    pub source_points: usize,
+    /// Target points that are used at most for that.
+    pub target_points: usize,
+}
+
+impl Default for PointsStage {
+    fn default() -> Self {
+        Self { start: None, source_points: 4000, target_points: 2000 }
+    }
+}
+
+/// What is done about target points that the source does not explain, where the means have the last word.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Outliers {
     /// Nothing.
     #[default]
     None,
-    /// A mixture with uniform outliers from several starts, rejection, and the last stage on the rest.
-    Mixture,
-    /// Trimmed closest points from several starts, rejection, and the last stage on the rest: for noise below the spacing.
-    Trimmed,
     /// Hypotheses from clusters of the target, scored by J and nearest-neighbour support (the paper's proposal, section V).
     Ransac,
 }
@@ -145,12 +168,9 @@ pub struct Pipeline {
     /// Outliers.
     #[serde(default)]
     pub outliers: Outliers,
-    /// Refine by trimmed closest points when the noise, in normalised units, is below this; 0: never.
-    #[serde(default)]
-    pub refine_below: f64,
-    /// Look for partial overlap when nothing else explains the data.
-    #[serde(default)]
-    pub overlap: bool,
+    /// The likelihood of the points, which has the last word; absent: the means have it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub points: Option<PointsStage>,
     /// Every threshold that decides.
     #[serde(default)]
     pub criteria: Criteria,
@@ -172,8 +192,7 @@ impl Pipeline {
             accept: three(),
             support: false,
             outliers: Outliers::None,
-            refine_below: 0.0,
-            overlap: false,
+            points: None,
             criteria: Criteria::default(),
         }
     }

@@ -2,7 +2,7 @@
 
 use cfpose_optim::manifold::Manifold;
 
-use super::pipeline::{NoiseModel, Outliers, Pipeline, Stage};
+use super::pipeline::{NoiseModel, Pipeline, PointsStage, Stage};
 use crate::geometry::free::Freedom;
 use crate::geometry::theta::BlockKind;
 use crate::model::{LinearKind, Model, Relations};
@@ -28,7 +28,9 @@ pub(super) fn pipeline(model: &Model, freedom: Option<&Freedom>) -> Pipeline {
     match (freedom.and_then(Freedom::turns), &whole.global_start) {
         (Some((axes, _)), Some(_)) => {
             let count = if axes.len() < 2 { TURNS } else { TURNS * TURNS };
-            Pipeline { global_start: Some(format!("grid[count={count}]")), keep: whole.keep.max(4), ..whole }
+            let turns = format!("grid[count={count}]");
+            let points = whole.points.clone().map(|points| PointsStage { start: Some(turns.clone()), ..points });
+            Pipeline { global_start: Some(turns), points, keep: whole.keep.max(4), ..whole }
         }
         _ => whole,
     }
@@ -87,9 +89,10 @@ fn projective(relations: &Relations, model: &Model) -> Pipeline {
         screening_stages: 2,
         keep: 8,
         support: true,
-        outliers: Outliers::Mixture,
-        refine_below: 0.005,
-        overlap: true,
+        points: Some(PointsStage {
+            start: Some(if global == "identity" { global.to_string() } else { "grid[count=200]".to_string() }),
+            ..PointsStage::default()
+        }),
         ..Pipeline::new(stages)
     }
 }
@@ -128,9 +131,13 @@ fn direct(model: &Model) -> Pipeline {
         screening_stages: 1,
         keep: 4,
         support: true,
-        outliers: Outliers::Trimmed,
-        refine_below: 0.005,
-        overlap: true,
+        points: Some(PointsStage {
+            start: Some(match model.linear.as_ref().map(|group| group.kind) {
+                Some(LinearKind::Rotation | LinearKind::Similarity) => "grid[count=160]".to_string(),
+                _ => global.to_string(),
+            }),
+            ..PointsStage::default()
+        }),
         ..Pipeline::new(stages)
     }
 }

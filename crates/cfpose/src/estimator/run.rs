@@ -11,36 +11,31 @@ use crate::error::Error;
 enum Step {
     /// Climb from the given starts.
     Given(Vec<Vec<f64>>),
-    /// Climb from perturbed copies of a start.
-    Restarts(Vec<f64>, std::ops::Range<usize>),
+    /// Climb from perturbed copies of a start, so many.
+    Restarts(Vec<f64>, usize),
     /// Climb from the next so many starts of the global strategy.
     Global(usize),
-    /// Look for outliers, from the candidates so far and these thetas.
-    Outliers(Vec<Vec<f64>>),
-    /// Look for a pose that explains a part of both sets.
-    Overlap,
+    /// Look for outliers.
+    Outliers,
 }
 
-/// Order what is tried by its cost: a start that fails for its own sake is cheaper to replace than outliers are to find,
-/// and both are cheaper than a search everywhere.
+/// Order what is tried by its cost. Where the points have the last word, the means only have to lead somewhere.
 fn plan(pipeline: &Pipeline, given: &[Vec<f64>], criteria: &Criteria) -> Vec<Step> {
-    let mut steps = vec![Step::Given(given.to_vec())];
-    let restarts = if given.len() == 1 { pipeline.restarts } else { 0 };
-    if let (Some(start), true) = (given.first(), restarts > 0) {
-        steps.push(Step::Restarts(start.clone(), 0..1));
-        steps.push(Step::Outliers(given.to_vec()));
-        steps.push(Step::Restarts(start.clone(), 1..restarts));
+    if pipeline.points.is_some() {
+        return vec![match given {
+            [] => Step::Global(criteria.first_global),
+            _ => Step::Given(given.to_vec()),
+        }];
     }
-    if given.is_empty() && pipeline.outliers != Outliers::None {
-        steps.push(Step::Global(criteria.first_global));
-        steps.push(Step::Outliers(Vec::new()));
+    let mut steps = vec![Step::Given(given.to_vec())];
+    if let ([start], true) = (given, pipeline.restarts > 0) {
+        steps.push(Step::Restarts(start.clone(), pipeline.restarts));
     }
     if given.is_empty() || pipeline.global_start.is_some() {
         steps.push(Step::Global(usize::MAX));
     }
-    steps.push(Step::Outliers(Vec::new()));
-    if pipeline.overlap {
-        steps.push(Step::Overlap);
+    if pipeline.outliers != Outliers::None {
+        steps.push(Step::Outliers);
     }
     steps
 }
@@ -67,16 +62,32 @@ impl Search<'_> {
                 break;
             }
         }
+        if self.pipeline.points.is_some() && !self.last().model().target.is_moving() {
+            self.by_points(&mut found, given, supervision)?;
+        }
         Ok(found)
+    }
+
+    /// Let the likelihood of the points choose.
+    fn by_points(
+        &mut self,
+        found: &mut Found,
+        given: &[Vec<f64>],
+        supervision: &mut Supervision<'_>,
+    ) -> Result<(), Error> {
+        let Some(modes) = self.modes(&found.all, given)? else { return Ok(()) };
+        if let Some(candidate) = self.settle(&modes, given, supervision)? {
+            found.best = Some(candidate);
+        }
+        Ok(())
     }
 
     fn take(&mut self, step: Step, found: &mut Found, supervision: &mut Supervision<'_>) -> Result<(), Error> {
         let more = match step {
             Step::Given(starts) => self.climb_given(&starts, supervision)?,
-            Step::Restarts(start, range) => self.restarts(&start, range, supervision)?,
+            Step::Restarts(start, count) => self.restarts(&start, 0..count, supervision)?,
             Step::Global(count) => self.global(count, supervision)?,
-            Step::Outliers(starts) => return self.question(found, &starts, supervision),
-            Step::Overlap => return self.look_for_overlap(found, supervision),
+            Step::Outliers => return self.question(found, supervision),
         };
         if more.is_empty() {
             return Ok(());
@@ -94,13 +105,8 @@ impl Search<'_> {
     }
 
     /// Replace the best where leaving outliers out explains the data better.
-    fn question(
-        &mut self,
-        found: &mut Found,
-        starts: &[Vec<f64>],
-        supervision: &mut Supervision<'_>,
-    ) -> Result<(), Error> {
-        let Some(repaired) = self.repair(&found.all, starts, supervision)? else { return Ok(()) };
+    fn question(&mut self, found: &mut Found, supervision: &mut Supervision<'_>) -> Result<(), Error> {
+        let Some(repaired) = self.repair(supervision)? else { return Ok(()) };
         let support = repaired.support;
         let is_farther =
             |kept: &Candidate| kept.support.is_none_or(|s| support.distance() < s.distance()) || !kept.plausible;
@@ -118,21 +124,6 @@ impl Search<'_> {
         // What the outliers leave unexplained is known; what the source leaves is not.
         candidate.support = Some(support);
         found.best = Some(candidate);
-        Ok(())
-    }
-
-    /// Replace the best where another pose gives more points of both sides a partner.
-    fn look_for_overlap(&mut self, found: &mut Found, supervision: &mut Supervision<'_>) -> Result<(), Error> {
-        let Some(best) = &mut found.best else { return Ok(()) };
-        let partial = self.parts.criteria.partial;
-        if !best.support.is_some_and(|s| s.unexplained_source.max(s.unexplained_target) > partial) {
-            return Ok(());
-        }
-        let Some(overlap) = self.by_overlap(&best.theta, supervision)? else { return Ok(()) };
-        best.take(&overlap.fit);
-        best.support = Some(self.last().support(&best.theta)?);
-        best.plausible = self.is_plausible(&best.theta);
-        best.clutter = Some(overlap.clutter);
         Ok(())
     }
 }

@@ -15,9 +15,10 @@ use super::workbench::{Data, Workbench};
 use super::{Parts, Supervision};
 use crate::error::Error;
 use crate::geometry::theta::BlockKind;
-use crate::model::Scene;
+use crate::model::{LinearKind, Scene};
 use crate::start::StartContext;
 use crate::streams::stream;
+use cfpose_kernel::points::Points;
 
 /// Stages of a pipeline on one pair of point sets: built once, solved many times.
 pub(super) struct Stages {
@@ -48,6 +49,8 @@ pub(super) struct Search<'a> {
     pub reports: Vec<StageReport>,
     pub iterations: usize,
     pub starts: usize,
+    /// Size of the source in the unit of a translation: twice its root mean square radius.
+    pub size: f64,
     /// Screened global starts with their costs, best last; `None` before the screening.
     queue: Option<Vec<(f64, Vec<f64>)>>,
 }
@@ -56,7 +59,14 @@ impl<'a> Search<'a> {
     /// Begin.
     pub fn new(parts: &'a Parts, pipeline: &'a Pipeline, stages: &'a Stages) -> Self {
         let reports = stages.ready.iter().map(|stage| StageReport::new(&stage.stage.name)).collect();
-        Self { parts, pipeline, stages, reports, iterations: 0, starts: 0, queue: None }
+        let stage = stages.last();
+        // A rigid map keeps lengths; a similarity or an affine map puts the target's on translations.
+        let stretches = stage.model().linear.as_ref().is_some_and(|group| group.kind != LinearKind::Rotation);
+        let points = if stretches { &stage.sides.mapped_target } else { &stage.sides.source };
+        let covariance = points.covariance();
+        let size = 2.0 * (covariance[0][0] + covariance[1][1] + covariance[2][2]).sqrt();
+        let size = if size > 0.0 { size } else { 1.0 };
+        Self { parts, pipeline, stages, reports, iterations: 0, starts: 0, size, queue: None }
     }
 
     /// Add the work of a search over the stages from `first` on, on a part of the points.
@@ -182,11 +192,22 @@ impl<'a> Search<'a> {
 
     /// Propose starts by name for a stage, what is fixed held at its value.
     pub fn proposals(&self, name: &str, stage: &ReadyStage) -> Result<Vec<Vec<f64>>, Error> {
+        self.proposals_for(name, stage, &stage.sides.source, &stage.sides.mapped_target)
+    }
+
+    /// Propose starts for a part of both sides.
+    pub fn proposals_for(
+        &self,
+        name: &str,
+        stage: &ReadyStage,
+        source: &Points,
+        target: &Points,
+    ) -> Result<Vec<Vec<f64>>, Error> {
         let cost = |theta: &[f64]| stage.cost(theta, self.parts);
         let context = StartContext {
             model: stage.model(),
-            source: &stage.sides.source,
-            target: &stage.sides.mapped_target,
+            source,
+            target,
             cost: &cost,
             seed: self.parts.settings.seed,
             freedom: self.parts.freedom.as_ref(),
@@ -266,20 +287,53 @@ impl<'a> Search<'a> {
         Ok(ranked(found))
     }
 
-    /// Return the tangent norm between two thetas of the model's own length or longer.
-    pub fn distance(&self, a: &[f64], b: &[f64]) -> f64 {
+    /// Return how far two thetas are apart: radians, and lengths in sizes of the source.
+    pub fn apart(&self, a: &[f64], b: &[f64]) -> f64 {
         let manifold = self.last().model().layout.manifold();
         let own = manifold.ambient();
         let mut step = vec![0.0; manifold.tangent()];
         manifold.local(&a[..own], &b[..own], &mut step);
+        let units = self.units(b);
+        step.iter_mut().zip(&units).for_each(|(step, unit)| *step /= unit);
         // Opposite unit vectors have no tangent step between them: their chord tells them apart.
         let chord = a[..own].iter().zip(&b[..own]).map(|(x, y)| (x - y).powi(2)).sum::<f64>().sqrt();
-        cfpose_optim::manifold::norm(&step).max(0.5 * chord)
+        let directions = self.last().model().layout.blocks().iter().any(|b| matches!(b.kind, BlockKind::Direction(_)));
+        cfpose_optim::manifold::norm(&step).max(if directions { 0.5 * chord } else { 0.0 })
+    }
+
+    /// Return the unit of every tangent coordinate of the model: 1 (radians), for translations the size of the source where the map
+    /// puts it, else the largest entry of the block.
+    fn units(&self, theta: &[f64]) -> Vec<f64> {
+        let stage = self.last();
+        let layout = &stage.model().layout;
+        let mut units = Vec::new();
+        for block in layout.blocks() {
+            let largest = || {
+                let range = layout.range(block.name).unwrap_or(0..0);
+                theta[range].iter().fold(0.0_f64, |most, value| most.max(value.abs()))
+            };
+            let unit = match (&block.kind, block.name) {
+                (BlockKind::Rotation | BlockKind::Angle | BlockKind::Direction(_), _) => 1.0,
+                (_, "translation") => self.size,
+                _ => Some(largest()).filter(|unit| *unit > 0.0).unwrap_or(1.0),
+            };
+            units.extend(std::iter::repeat_n(unit, block.kind.manifold().tangent()));
+        }
+        units
+    }
+
+    /// Return the units of the free tangent coordinates.
+    pub fn scales(&self, theta: &[f64]) -> Vec<f64> {
+        let units = self.units(theta);
+        match self.parts.settings.free.as_deref() {
+            Some(free) => free.iter().map(|column| units[*column]).collect(),
+            None => units,
+        }
     }
 
     /// Say whether two thetas count as one.
     pub fn is_same(&self, a: &[f64], b: &[f64]) -> bool {
-        self.distance(a, b) <= self.parts.criteria.same_theta
+        self.apart(a, b) <= self.parts.criteria.same_theta
     }
 
     /// Draw a start about another: rotations and directions by `spread` radians, the rest by `spread` times the size of

@@ -6,7 +6,7 @@ use super::candidate::{By, Candidate, WeightedAt};
 use super::continuous::Continuous;
 use super::stage::ReadyStage;
 use super::{Parts, Supervision};
-use crate::distances::closest_point::{self, ClosestPoint};
+use crate::distances::likelihood::PointsLikelihood;
 use crate::distances::sampling::Sampling;
 use crate::distances::support::Support;
 use crate::error::Error;
@@ -173,7 +173,10 @@ impl ReadyStage {
             accepted: false,
             score: f64::INFINITY,
             clutter: None,
-            refined: false,
+            evidence: None,
+            modes: Vec::new(),
+            undetermined: Vec::new(),
+            deviation: None,
             kept_source: None,
             kept_target: None,
             evaluations: 0,
@@ -189,28 +192,11 @@ impl ReadyStage {
             return Ok(support);
         }
         let some = every_nth(&self.sides.mapped_target.rows(), criteria.refine_points);
-        let options = closest_point::Options { tolerance: 1e-3, max_iterations: 6, ..Default::default() };
-        match closest_point::refine(&self.mover(), &some, theta, &options) {
-            Some(fit) => self.support(&fit.theta),
+        let near = PointsLikelihood::new(&self.problem, &self.all_source, some, 4);
+        match near.and_then(|near| near.align(theta, &[0.05, 0.02, 0.01], 2)) {
+            Some((_, theta)) => self.support(&theta),
             None => Ok(support),
         }
-    }
-
-    /// Refine theta by trimmed closest points: some points until it stands, then all.
-    pub fn by_closest_points(&self, theta: &[f64], parts: &Parts) -> Option<ClosestPoint> {
-        let (mover, all) = (self.mover(), self.sides.mapped_target.rows());
-        let some = every_nth(&all, parts.criteria.refine_points);
-        let options = closest_point::Options { tolerance: 1e-8, ..Default::default() };
-        let first = closest_point::refine(&mover, &some, theta, &options)?;
-        if some.len() == all.len() {
-            return Some(first);
-        }
-        let options = closest_point::Options { max_iterations: 3, ..options };
-        let fit = closest_point::refine(&mover, &all, &first.theta, &options)?;
-        // What was gained is counted on all points, not on those of the first steps.
-        let begin =
-            closest_point::refine(&mover, &all, theta, &closest_point::Options { max_iterations: 1, ..options })?;
-        Some(ClosestPoint { rms_before: begin.rms_before, ..fit })
     }
 }
 

@@ -9,7 +9,6 @@ use cfpose_optim::problem::LeastSquares;
 use super::Parts;
 use super::pipeline::{NoiseModel, Stage};
 use super::workbench::of_side;
-use crate::distances::Mover;
 use crate::distances::neighbours::Neighbours;
 use crate::distances::sampling::Sampling;
 use crate::distances::support::Support;
@@ -58,11 +57,6 @@ impl ReadyStage {
             true => self.sides.lifted_source(),
             false => Arc::new(self.model().source.lift(&self.all_source)),
         })
-    }
-
-    /// Return what moves all source points.
-    pub fn mover(&self) -> Mover<'_> {
-        Mover::over(&self.problem, Arc::clone(self.lifted()))
     }
 
     /// Map all source points into the feature space at theta, not normalised.
@@ -171,11 +165,6 @@ impl ReadyStage {
     /// Return the search structure of a target that does not move.
     pub fn target_tree(&self) -> &Neighbours {
         self.target_tree.get_or_init(|| Neighbours::new(self.sides.mapped_target.rows(), self.model().dim()))
-    }
-
-    /// Return the share of the source's nearest distances that are equal: a lattice has nearly all.
-    pub fn source_spacing_share(&self) -> f64 {
-        Neighbours::new(self.all_source.rows(), self.all_source.dim()).equal_spacing_share()
     }
 
     /// Return where the randomness of the residual comes from at theta; `weighted` is the weighted problem so far.

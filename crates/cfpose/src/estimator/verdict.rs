@@ -4,8 +4,9 @@ use cfpose_optim::problem::LeastSquares;
 use serde::{Deserialize, Serialize};
 
 use super::Parts;
-use super::candidate::Candidate;
+use super::candidate::{By, Candidate};
 use super::stage::ReadyStage;
+use crate::criteria::Criteria;
 use crate::statistics::{self, Statistics};
 
 /// How sure one may be of an estimate.
@@ -18,9 +19,11 @@ use crate::statistics::{self, Statistics};
 #[serde(rename_all = "kebab-case")]
 #[non_exhaustive]
 pub enum Verdict {
-    /// The statistics agree with the fit.
+    /// One theta explains the data, and what is reported about it can be relied on.
     Good,
-    /// Usable, but the statistics do not agree.
+    /// Usable, but several thetas, or a whole direction, explain the data equally well: see the alternatives and what is undetermined.
+    Ambiguous,
+    /// Usable, but the data do not support it as they should.
     Suspect,
     /// Not usable.
     Failed,
@@ -31,56 +34,119 @@ impl Verdict {
     pub fn name(self) -> &'static str {
         match self {
             Verdict::Good => "good",
+            Verdict::Ambiguous => "ambiguous",
             Verdict::Suspect => "suspect",
             Verdict::Failed => "failed",
         }
     }
 }
 
-/// Judge a candidate; `None` where the weighting has no statistic, except for a failure.
+/// What a reason against a candidate forbids.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Weight {
+    /// Nothing: it is said, no more.
+    Note,
+    /// `good`: the answer is one of several.
+    Several,
+    /// `good` and `ambiguous`.
+    Doubt,
+}
+
+/// Judge a candidate; `None` where there is neither a statistic nor a likelihood, except for a failure.
 pub(super) fn verdict(candidate: &Candidate, stage: &ReadyStage, parts: &Parts) -> Option<Verdict> {
     if !candidate.outcome.usable() {
         return Some(Verdict::Failed);
     }
-    candidate.statistics.as_ref()?;
-    let good = candidate.accepted && candidate.plausible && reasons(candidate, stage, parts).iter().all(|r| !r.1);
-    Some(if good { Verdict::Good } else { Verdict::Suspect })
+    if candidate.evidence.is_none() {
+        candidate.statistics.as_ref()?;
+    }
+    let reasons = reasons(candidate, stage, parts);
+    let has = |weight: Weight| reasons.iter().any(|reason| reason.1 == weight);
+    let accepted = candidate.evidence.is_some() || candidate.accepted;
+    Some(match () {
+        () if !accepted || !candidate.plausible || has(Weight::Doubt) => Verdict::Suspect,
+        () if has(Weight::Several) => Verdict::Ambiguous,
+        () => Verdict::Good,
+    })
 }
 
-/// Say in words what stands against a candidate; the second of a pair says whether it forbids `good`.
-pub(super) fn reasons(candidate: &Candidate, stage: &ReadyStage, parts: &Parts) -> Vec<(String, bool)> {
-    let (criteria, mut reasons) = (&parts.criteria, Vec::new());
-    if let Some(statistics) = &candidate.statistics {
-        let few = stage.fewest_points();
-        if !is_informative(few, stage, statistics, criteria.informative) {
-            reasons.push((format!("{few} points are too few for the statistics of so many feature means"), true));
-        }
-        if statistics.p_value < criteria.p_suspect {
-            let (j, dof) = (statistics.j_statistic, statistics.degrees_of_freedom);
-            reasons.push((format!("the statistics refuse the fit: J = {j:.0} with {dof} degrees of freedom"), true));
-        }
-        if noise_is_negative(candidate, stage, criteria.noise_negative) {
-            reasons
-                .push(("the noise that fits best has a negative variance: the misfit is of another kind".into(), true));
-        }
-    }
-    if let Some(support) = &candidate.support {
-        if support.coherence > criteria.coherent {
-            let share = 100.0 * support.coherence;
-            reasons.push((format!("neighbouring points miss the shape together ({share:.0} % of the variance)"), true));
-        }
-        if support.unexplained_source > criteria.partial {
-            let share = 100.0 * support.unexplained_source;
-            reasons.push((format!("partial overlap: {share:.0} % of the source has no target near it"), true));
-        }
+/// Say in words what stands against a candidate, and what that forbids.
+pub(super) fn reasons(candidate: &Candidate, stage: &ReadyStage, parts: &Parts) -> Vec<(String, Weight)> {
+    let mut reasons = by_points(candidate, &parts.criteria);
+    if candidate.by == By::Moments {
+        reasons.extend(by_means(candidate, stage, &parts.criteria));
     }
     if let Some(share) = candidate.clutter.filter(|share| *share > 0.0) {
         let text = format!("{:.1} % of the target points are outliers", 100.0 * share);
-        reasons.push((text, share > criteria.max_clutter));
+        reasons.push((text, if share > parts.criteria.max_clutter { Weight::Doubt } else { Weight::Note }));
     }
     reasons
 }
 
+/// What the likelihood of the points has against a candidate.
+fn by_points(candidate: &Candidate, criteria: &Criteria) -> Vec<(String, Weight)> {
+    let Some(evidence) = &candidate.evidence else { return Vec::new() };
+    let mut reasons = Vec::new();
+    if evidence.log10_false_alarms > criteria.false_alarms {
+        let number = evidence.log10_false_alarms;
+        reasons.push((
+            format!("chance would do as well: 10^{number:.1} such thetas are expected among unrelated points"),
+            Weight::Doubt,
+        ));
+    }
+    let deviation = candidate.deviation.unwrap_or(evidence.deviation);
+    if candidate.undetermined.is_empty() && (deviation.is_nan() || deviation > criteria.deviation) {
+        let text = format!("the points determine theta to {deviation:.3} only (radians and sizes of the source)");
+        reasons.push((text, Weight::Doubt));
+    }
+    if evidence.unseen_source > criteria.unseen {
+        let share = 100.0 * evidence.unseen_source;
+        reasons.push((format!("partial overlap: {share:.0} % of the source has no target near it"), Weight::Doubt));
+    }
+    if evidence.unseen_target > criteria.max_clutter && candidate.clutter.is_none() {
+        let share = 100.0 * evidence.unseen_target;
+        reasons.push((format!("{share:.0} % of the target points are outliers"), Weight::Doubt));
+    }
+    let equal = candidate.modes.iter().filter(|mode| mode.is_equal(criteria)).count();
+    if equal > 0 {
+        let text = format!("{equal} other theta explain(s) the points as well: see the alternatives");
+        reasons.push((text, Weight::Several));
+    }
+    reasons.extend(candidate.undetermined.iter().map(|found| (found.words.clone(), Weight::Several)));
+    reasons
+}
+
+/// What the means have against a candidate that they are the answer of.
+fn by_means(candidate: &Candidate, stage: &ReadyStage, criteria: &Criteria) -> Vec<(String, Weight)> {
+    let Some(statistics) = &candidate.statistics else { return Vec::new() };
+    let mut reasons = Vec::new();
+    let few = stage.fewest_points();
+    if candidate.evidence.is_none() && !is_informative(few, stage, statistics, criteria.informative) {
+        reasons.push((format!("{few} points are too few for the statistics of so many feature means"), Weight::Doubt));
+    }
+    if statistics.p_value < criteria.p_suspect {
+        let (j, dof) = (statistics.j_statistic, statistics.degrees_of_freedom);
+        let text = format!("the statistics refuse the fit: J = {j:.0} with {dof} degrees of freedom");
+        reasons.push((text, Weight::Doubt));
+    }
+    if noise_is_negative(candidate, stage, criteria.noise_negative) {
+        let text = "the noise that fits best has a negative variance: the misfit is of another kind";
+        reasons.push((text.to_string(), Weight::Doubt));
+    }
+    if let Some(support) = candidate.support.filter(|_| candidate.evidence.is_none()) {
+        if support.coherence > criteria.coherent {
+            let share = 100.0 * support.coherence;
+            let text = format!("neighbouring points miss the shape together ({share:.0} % of the variance)");
+            reasons.push((text, Weight::Doubt));
+        }
+        if support.unexplained_source > criteria.partial {
+            let share = 100.0 * support.unexplained_source;
+            let text = format!("partial overlap: {share:.0} % of the source has no target near it");
+            reasons.push((text, Weight::Doubt));
+        }
+    }
+    reasons
+}
 /// Say whether the points outnumber the feature means by far: a handful of points can match any means.
 fn is_informative(few: usize, stage: &ReadyStage, statistics: &Statistics, least: f64) -> bool {
     let means = statistics.degrees_of_freedom + stage.problem.manifold().tangent();

@@ -106,13 +106,13 @@ const NUM_BUMPS: usize = 6;
 ///
 /// Six bumps of different height (.2 to .6), sharpness (2 to 8) and random centre leave no symmetry. Drawn from ChaCha12
 /// of the shape's own seed (stream "cloud3"): per bump the centre (three normals), the height, the sharpness.
-pub(super) struct Star {
+pub(in crate::scenarios) struct Star {
     bumps: Vec<([f64; 3], f64, f64)>,
     scale: f64,
 }
 
 impl Star {
-    fn new(seed: u64) -> Self {
+    pub(in crate::scenarios) fn new(seed: u64) -> Self {
         let mut rng = data_stream(seed, u64::from_be_bytes(*b"cloud3\0\0"));
         let bumps = (0..NUM_BUMPS)
             .map(|_| (direction(&mut rng), 0.2 + 0.4 * rng.random::<f64>(), 2.0 + 6.0 * rng.random::<f64>()))
@@ -124,7 +124,7 @@ impl Star {
     }
 
     /// Return the surface point in direction u.
-    fn point(&self, u: [f64; 3]) -> [f64; 3] {
+    pub(in crate::scenarios) fn point(&self, u: [f64; 3]) -> [f64; 3] {
         let bump = |(centre, height, sharpness): &([f64; 3], f64, f64)| {
             let cosine: f64 = (0..3).map(|i| u[i] * centre[i]).sum();
             height * (sharpness * (cosine - 1.0)).exp()
@@ -135,7 +135,7 @@ impl Star {
 }
 
 /// Draw a direction uniform on the sphere: three normals, divided by their norm.
-pub(super) fn direction(rng: &mut ChaCha12Rng) -> [f64; 3] {
+pub(in crate::scenarios) fn direction(rng: &mut ChaCha12Rng) -> [f64; 3] {
     loop {
         let v: [f64; 3] = std::array::from_fn(|_| rng.sample(StandardNormal));
         let norm = norm3(&v);

@@ -1,0 +1,457 @@
+//! The likelihood of the target points at a theta (docs/method.md, *The likelihood of the points*).
+//!
+//! Every target point is a draw from a kernel on some mapped source point, or uniform clutter:
+//!
+//! p(q | theta) = (1 - c) sum_k w_k N(q; x_k(theta), S_k) + c / A
+//!
+//! * S_k = s^2 I for [`Kernel::Copies`]: the target holds noisy copies of source points.
+//! * S_k = s^2 I + t_k^2 T T' for [`Kernel::Shape`]: the target was drawn from the shape anew; T spans the tangent at the source
+//!   point, t_k is a share of the distance to its neighbours.
+//!
+//! s (noise) and c (clutter) are unknowns. Means of features decide where to look; this decides what is true: its logarithm is
+//! compared between modes, kinds of sampling and chance, in nats. Responsibilities say which points of *both* sides take part.
+
+use cfpose_kernel::points::Points;
+
+use super::neighbours::Neighbours;
+use super::{Mapped, Mover};
+use crate::geometry::linalg::{add_outer, symmetrise};
+use crate::problem::MomentProblem;
+
+pub(crate) mod align;
+mod covariance;
+mod fit;
+mod shape;
+mod weights;
+
+pub(crate) use fit::Fit;
+use shape::{Frame, Shape};
+
+/// What a kernel on a source point stands for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Kernel {
+    /// The target holds copies of source points.
+    Copies,
+    /// The target was drawn from the shape anew.
+    Shape,
+}
+
+/// The unknowns beside theta.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Mixture {
+    pub kernel: Kernel,
+    /// Standard deviation of the noise in one coordinate.
+    pub sigma: f64,
+    /// Share of clutter.
+    pub clutter: f64,
+}
+
+/// Clutter is between these shares.
+const CLUTTER: [f64; 2] = [1e-3, 0.85];
+/// Noise is between these shares of the target's size.
+const SIGMA: [f64; 2] = [2e-4, 0.25];
+/// Responsibilities below this are left out of the derivatives.
+const NEGLIGIBLE: f64 = 1e-4;
+
+/// A source that moves and a target: the data of the likelihood.
+pub(crate) struct PointsLikelihood<'a> {
+    pub mover: Mover<'a>,
+    shape: Shape,
+    /// ln of the weights of the source points, which sum to 1.
+    log_weights: Vec<f64>,
+    pub target: Vec<[f64; 3]>,
+    /// ln of the density of clutter: minus the logarithm of the volume of the target's bounding box, enlarged by .3.
+    log_uniform: f64,
+    /// Median distance of the target points to their median point.
+    pub size: f64,
+    /// Source points near a target point that may explain it, at most.
+    neighbours: usize,
+}
+
+/// The source at one theta, ready to be compared with the target.
+pub(crate) struct Placed {
+    pub mapped: Mapped,
+    frames: Vec<Frame>,
+    /// For every target point the indices of the nearest source points.
+    near: Vec<u32>,
+    each: usize,
+    /// Squared distances of these pairs along the frame's axis and across it.
+    squares: Vec<[f64; 2]>,
+    /// ln of the weights of the source points here.
+    log_weights: Vec<f64>,
+    /// What the choice of weights costs, in nats.
+    cost: f64,
+}
+
+/// Sums over the target at one theta.
+pub(crate) struct Sums {
+    pub log_likelihood: f64,
+    /// Gradient with the frames held.
+    pub gradient: Vec<f64>,
+    /// Information if it were known which source point each target point comes from.
+    pub complete: Vec<f64>,
+    /// What is lost of it because that is not known: complete - lost is the observed information.
+    pub lost: Vec<f64>,
+    /// Sum over the target of G'G at its nearest point: squared displacements of steps.
+    pub displacement: Vec<f64>,
+    /// Sum of the probabilities of being no clutter.
+    pub inliers: f64,
+    /// Scoring step for s^2: weighted squares beyond the tangential widths, weights.
+    variance: [f64; 2],
+}
+
+impl<'a> PointsLikelihood<'a> {
+    /// Prepare `source` (as the problem's model takes it) and `target` (in the feature space); `None` for a target without extent.
+    pub fn new(problem: &'a MomentProblem, source: &Points, target: Vec<[f64; 3]>, neighbours: usize) -> Option<Self> {
+        let mover = Mover::new(problem, source);
+        let dim = mover.dim();
+        let mut log_volume = 0.0;
+        let mut centre = [0.0; 3];
+        let mut widths = [0.0_f64; 3];
+        for d in 0..dim {
+            let mut column: Vec<f64> = target.iter().map(|q| q[d]).collect();
+            column.sort_by(f64::total_cmp);
+            widths[d] = column[column.len() - 1] - column[0];
+            centre[d] = column[column.len() / 2];
+        }
+        // A flat target has no volume: its least extent is taken as a hundredth of its largest.
+        let largest = widths.iter().copied().fold(0.0, f64::max);
+        (0..dim).for_each(|d| log_volume += (1.3 * widths[d].max(0.01 * largest)).ln());
+        let distance = |q: &[f64; 3]| (0..dim).map(|d| (q[d] - centre[d]).powi(2)).sum::<f64>().sqrt();
+        let mut distances: Vec<f64> = target.iter().map(distance).collect();
+        distances.sort_by(f64::total_cmp);
+        let size = distances[distances.len() / 2];
+        let total: f64 = source.weights().iter().sum();
+        let log_weights = source.weights().iter().map(|w| (w / total).ln()).collect();
+        let log_uniform = -log_volume;
+        (size > 0.0 && log_uniform.is_finite()).then(|| Self {
+            mover,
+            shape: Shape::new(source),
+            log_weights,
+            target,
+            log_uniform,
+            size,
+            neighbours,
+        })
+    }
+
+    /// Return the log likelihood of a target that is all clutter: the null hypothesis of [`PointsLikelihood::evidence`].
+    pub fn chance(&self) -> f64 {
+        self.target.len() as f64 * self.log_uniform
+    }
+
+    /// Move the source to theta; `frames` of a theta nearby are taken as they are. `None` where a point is not finite.
+    pub fn place(&self, theta: &[f64], derivatives: bool) -> Option<Placed> {
+        let mapped = self.mover.map(theta, derivatives);
+        let frames = self.shape.frames(&mapped);
+        self.place_with(mapped, frames)
+    }
+
+    /// Move the source to theta with the frames of another placement.
+    fn replace(&self, theta: &[f64], other: &Placed) -> Option<Placed> {
+        let mut placed = self.place_with(self.mover.map(theta, true), other.frames.clone())?;
+        placed.log_weights.clone_from(&other.log_weights);
+        placed.cost = other.cost;
+        Some(placed)
+    }
+
+    fn place_with(&self, mapped: Mapped, frames: Vec<Frame>) -> Option<Placed> {
+        if mapped.x.iter().flatten().any(|x| !x.is_finite()) {
+            return None;
+        }
+        let tree = Neighbours::new(mapped.x.clone(), mapped.dim);
+        let each = self.neighbours.min(mapped.x.len());
+        let mut near = Vec::with_capacity(each * self.target.len());
+        let mut squares = Vec::with_capacity(each * self.target.len());
+        for q in &self.target {
+            for found in tree.nearest_n(q, each) {
+                let (x, axis) = (&mapped.x[found.index], &frames[found.index].axis);
+                let on = (0..3).map(|d| axis[d] * (q[d] - x[d])).sum::<f64>().powi(2);
+                near.push(found.index as u32);
+                squares.push([on, (found.squared - on).max(0.0)]);
+            }
+        }
+        (near.len() == each * self.target.len()).then(|| Placed {
+            mapped,
+            frames,
+            near,
+            each,
+            squares,
+            log_weights: self.log_weights.clone(),
+            cost: 0.0,
+        })
+    }
+
+    /// Return the observed information at theta with the noise as wide as the kernels: what is left of a direction's information when
+    /// the roughness of a sample is smoothed away. `None` where a point is not finite.
+    pub fn smooth_information(&self, theta: &[f64], mixture: &Mixture) -> Option<Vec<f64>> {
+        let mut placed = self.place(theta, true)?;
+        let mut widths: Vec<f64> = placed.frames.iter().map(|frame| frame.across.max(frame.along)).collect();
+        widths.sort_by(f64::total_cmp);
+        let sigma = mixture.sigma.hypot(1.5 * widths[widths.len() / 2].sqrt());
+        let smooth = Mixture { kernel: Kernel::Shape, sigma, ..*mixture };
+        self.reweigh(&mut placed, &smooth);
+        let sums = self.sums(&placed, &smooth);
+        Some(sums.complete.iter().zip(&sums.lost).map(|(complete, lost)| complete - lost).collect())
+    }
+
+    /// Return the median distance of the target points' farthest source neighbours.
+    pub fn reach(&self, placed: &Placed) -> f64 {
+        let farthest = |j: usize| {
+            let k = placed.near[(j + 1) * placed.each - 1] as usize;
+            (0..3).map(|d| (self.target[j][d] - placed.mapped.x[k][d]).powi(2)).sum::<f64>().sqrt()
+        };
+        let mut all: Vec<f64> = (0..self.target.len()).map(farthest).collect();
+        all.sort_by(f64::total_cmp);
+        all[all.len() / 2]
+    }
+
+    /// Compute the likelihood and, where the placement has derivatives, its slope and information.
+    pub fn sums(&self, placed: &Placed, mixture: &Mixture) -> Sums {
+        let (dim, n) = (placed.mapped.dim, placed.mapped.tangent);
+        let mut sums = Sums {
+            log_likelihood: -placed.cost,
+            gradient: vec![0.0; n],
+            complete: vec![0.0; n * n],
+            lost: vec![0.0; n * n],
+            displacement: vec![0.0; n * n],
+            inliers: 0.0,
+            variance: [0.0; 2],
+        };
+        let (mut pull, mut total) = (vec![0.0; n], vec![0.0; n]);
+        let mut shares = vec![0.0; placed.each];
+        let kernels = self.kernels(placed, mixture);
+        for (j, q) in self.target.iter().enumerate() {
+            let near = placed.near_to(j);
+            let (log_total, inlier) = kernels.responsibilities(placed, j, &mut shares);
+            sums.log_likelihood += log_total;
+            sums.inliers += inlier;
+            total.fill(0.0);
+            for (at, (share, k)) in shares.iter().zip(near).enumerate() {
+                if *share < NEGLIGIBLE {
+                    continue;
+                }
+                let k = *k as usize;
+                let precision = Precision::of(&placed.frames[k], mixture);
+                let [on, off] = placed.squares[j * placed.each + at];
+                precision.add_variance(on, off, *share, dim, &mut sums.variance);
+                if n == 0 {
+                    continue;
+                }
+                // a = G' S^-1 v, and G' S^-1 G row by row of the feature space.
+                let v: [f64; 3] = std::array::from_fn(|d| q[d] - placed.mapped.x[k][d]);
+                let weighted = precision.apply(&v);
+                pull.fill(0.0);
+                for d in 0..dim {
+                    pull.iter_mut().zip(placed.mapped.slope(k, d)).for_each(|(p, g)| *p += weighted[d] * g);
+                }
+                total.iter_mut().zip(&pull).for_each(|(t, p)| *t += share * p);
+                add_outer(&mut sums.lost, &pull, *share);
+                precision.add_information(&placed.mapped, k, *share, &mut sums.complete);
+            }
+            if n > 0 {
+                add_outer(&mut sums.lost, &total, -1.0);
+                sums.gradient.iter_mut().zip(&total).for_each(|(g, t)| *g += t);
+                (0..dim).for_each(|d| add_outer(&mut sums.displacement, placed.mapped.slope(near[0] as usize, d), 1.0));
+            }
+        }
+        for matrix in [&mut sums.lost, &mut sums.complete, &mut sums.displacement] {
+            symmetrise(n, matrix);
+        }
+        sums
+    }
+
+    /// Return the kernels of all source points.
+    fn kernels(&self, placed: &Placed, mixture: &Mixture) -> Kernels {
+        let dim = placed.mapped.dim as f64;
+        let log_inlier = (1.0 - mixture.clutter).ln() - 0.5 * dim * std::f64::consts::TAU.ln();
+        let each = placed.frames.iter().zip(&placed.log_weights).map(|(frame, log_weight)| {
+            let precision = Precision::of(frame, mixture);
+            let peak = log_inlier + log_weight - 0.5 * precision.log_determinant(dim);
+            [peak, -0.5 * precision.along, -0.5 * precision.across]
+        });
+        Kernels { each: each.collect(), log_clutter: mixture.clutter.ln() + self.log_uniform }
+    }
+
+    /// Return the mixture of a kernel that is most likely at a placement, and its log likelihood: s over a grid, c by its fixed point,
+    /// then both by theirs.
+    pub fn best_mixture(&self, placed: &mut Placed, kernel: Kernel, grid: usize) -> (Mixture, f64) {
+        let (mixture, _) = self.likely_mixture(placed, kernel, grid);
+        self.reweigh(placed, &mixture);
+        self.likely_mixture(placed, kernel, grid)
+    }
+
+    fn likely_mixture(&self, placed: &Placed, kernel: Kernel, grid: usize) -> (Mixture, f64) {
+        let bounds = SIGMA.map(|share| share * self.size);
+        let mut best: Option<(Mixture, f64)> = None;
+        for k in 0..grid {
+            let sigma = bounds[0] * (bounds[1] / bounds[0]).powf(k as f64 / (grid - 1) as f64);
+            let mut mixture = Mixture { kernel, sigma, clutter: 0.1 };
+            let (_, inliers) = self.total(placed, &mixture);
+            mixture.clutter = self.clutter(inliers);
+            let (value, _) = self.total(placed, &mixture);
+            if best.as_ref().is_none_or(|(_, most)| value > *most) {
+                best = Some((mixture, value));
+            }
+        }
+        let (mut mixture, mut value) =
+            best.unwrap_or((Mixture { kernel, sigma: bounds[1], clutter: 0.5 }, f64::NEG_INFINITY));
+        for _ in 0..4 {
+            let next = self.updated(self.variance(placed, &mixture), &mixture);
+            let reached = self.log_likelihood(placed, &next);
+            if reached <= value + 1e-3 {
+                break;
+            }
+            (mixture, value) = (next, reached);
+        }
+        (mixture, value)
+    }
+
+    /// Return the log likelihood alone.
+    pub fn log_likelihood(&self, placed: &Placed, mixture: &Mixture) -> f64 {
+        self.total(placed, mixture).0
+    }
+
+    /// Return ln p of every target point.
+    pub fn log_each(&self, placed: &Placed, mixture: &Mixture) -> Vec<f64> {
+        let kernels = self.kernels(placed, mixture);
+        let mut shares = vec![0.0; placed.each];
+        (0..self.target.len()).map(|j| kernels.responsibilities(placed, j, &mut shares).0).collect()
+    }
+
+    /// Return the log likelihood and the sum of the probabilities of being no clutter.
+    fn total(&self, placed: &Placed, mixture: &Mixture) -> (f64, f64) {
+        let kernels = self.kernels(placed, mixture);
+        let mut shares = vec![0.0; placed.each];
+        let of = |j: usize| kernels.responsibilities(placed, j, &mut shares);
+        let (sum, inliers) = (0..self.target.len()).map(of).fold((0.0, 0.0), |(a, b), (x, y)| (a + x, b + y));
+        (sum - placed.cost, inliers)
+    }
+
+    fn clutter(&self, inliers: f64) -> f64 {
+        (1.0 - inliers / self.target.len() as f64).clamp(CLUTTER[0], CLUTTER[1])
+    }
+
+    /// Return for every target point the probability that it is no clutter.
+    pub fn responsibilities(&self, placed: &Placed, mixture: &Mixture) -> Vec<f64> {
+        let kernels = self.kernels(placed, mixture);
+        let mut shares = vec![0.0; placed.each];
+        (0..self.target.len()).map(|j| kernels.responsibilities(placed, j, &mut shares).1).collect()
+    }
+
+    /// Sum what a step of s^2 and c needs: weighted squares and weights of [`Precision::add_variance`], inliers.
+    fn variance(&self, placed: &Placed, mixture: &Mixture) -> ([f64; 2], f64) {
+        let kernels = self.kernels(placed, mixture);
+        let (mut shares, mut variance, mut inliers) = (vec![0.0; placed.each], [0.0; 2], 0.0);
+        for j in 0..self.target.len() {
+            inliers += kernels.responsibilities(placed, j, &mut shares).1;
+            for (at, (share, k)) in shares.iter().zip(placed.near_to(j)).enumerate() {
+                if *share > NEGLIGIBLE {
+                    let [on, off] = placed.squares[j * placed.each + at];
+                    let precision = Precision::of(&placed.frames[*k as usize], mixture);
+                    precision.add_variance(on, off, *share, placed.mapped.dim, &mut variance);
+                }
+            }
+        }
+        (variance, inliers)
+    }
+
+    /// One step of s^2 and c towards their most likely values.
+    fn updated(&self, (variance, inliers): ([f64; 2], f64), mixture: &Mixture) -> Mixture {
+        let [least, most] = SIGMA.map(|share| share * self.size);
+        let [square, weight] = variance;
+        let variance = if weight > 0.0 { square / weight } else { mixture.sigma * mixture.sigma };
+        let sigma = variance.max(0.1 * mixture.sigma * mixture.sigma).sqrt().clamp(least, most);
+        Mixture { kernel: mixture.kernel, sigma, clutter: self.clutter(inliers) }
+    }
+}
+
+impl Placed {
+    /// Return the source points near target point `j`.
+    fn near_to(&self, j: usize) -> &[u32] {
+        &self.near[j * self.each..(j + 1) * self.each]
+    }
+}
+
+/// The kernels of all source points at one mixture: ln of the peak, and what multiplies the squares along and across the axis.
+struct Kernels {
+    each: Vec<[f64; 3]>,
+    log_clutter: f64,
+}
+
+impl Kernels {
+    /// Fill `shares` with the probabilities that target point `j` comes from each source point near it; return ln p(q) and their sum.
+    fn responsibilities(&self, placed: &Placed, j: usize, shares: &mut [f64]) -> (f64, f64) {
+        let mut largest = self.log_clutter;
+        let squares = &placed.squares[j * placed.each..(j + 1) * placed.each];
+        for ((share, k), [on, off]) in shares.iter_mut().zip(placed.near_to(j)).zip(squares) {
+            let [peak, along, across] = self.each[*k as usize];
+            *share = peak + along * on + across * off;
+            largest = largest.max(*share);
+        }
+        let mut inlier = 0.0;
+        for share in shares.iter_mut() {
+            let below = *share - largest;
+            *share = if below > -30.0 { below.exp() } else { 0.0 };
+            inlier += *share;
+        }
+        let total = inlier + (self.log_clutter - largest).exp();
+        shares.iter_mut().for_each(|share| *share /= total);
+        (largest + total.ln(), inlier / total)
+    }
+}
+
+/// The inverse of S = s^2 I + across (I - a a') + along a a'.
+struct Precision {
+    axis: [f64; 3],
+    /// Inverse variances along the axis and across it.
+    along: f64,
+    across: f64,
+    noise: f64,
+}
+
+impl Precision {
+    fn of(frame: &Frame, mixture: &Mixture) -> Self {
+        let noise = mixture.sigma * mixture.sigma;
+        let (along, across) = match mixture.kernel {
+            Kernel::Copies => (0.0, 0.0),
+            Kernel::Shape => (frame.along, frame.across),
+        };
+        Self { axis: frame.axis, along: (noise + along).recip(), across: (noise + across).recip(), noise }
+    }
+
+    fn project(&self, v: &[f64]) -> f64 {
+        self.axis.iter().zip(v).map(|(a, v)| a * v).sum()
+    }
+
+    /// ln det S in `dim` dimensions.
+    fn log_determinant(&self, dim: f64) -> f64 {
+        -(self.along.ln() + (dim - 1.0) * self.across.ln())
+    }
+
+    /// S^-1 v.
+    fn apply(&self, v: &[f64; 3]) -> [f64; 3] {
+        let on = (self.along - self.across) * self.project(v);
+        std::array::from_fn(|d| self.across * v[d] + on * self.axis[d])
+    }
+
+    /// Add share G' S^-1 G of a point to the lower triangle.
+    fn add_information(&self, mapped: &Mapped, k: usize, share: f64, matrix: &mut [f64]) {
+        let mut on_axis = vec![0.0; mapped.tangent];
+        for d in 0..mapped.dim {
+            let slope = mapped.slope(k, d);
+            add_outer(matrix, slope, share * self.across);
+            on_axis.iter_mut().zip(slope).for_each(|(sum, g)| *sum += self.axis[d] * g);
+        }
+        add_outer(matrix, &on_axis, share * (self.along - self.across));
+    }
+
+    /// Fisher scoring for s^2: each direction tells by its squared precision how far its square exceeds its tangential width.
+    fn add_variance(&self, on: f64, off: f64, share: f64, dim: usize, sums: &mut [f64; 2]) {
+        let (along, across) = (share * self.along * self.along, share * self.across * self.across);
+        let others = dim as f64 - 1.0;
+        let tangential = |precision: f64| precision.recip() - self.noise;
+        sums[0] += along * (on - tangential(self.along)) + across * (off - others * tangential(self.across));
+        sums[1] += along + others * across;
+    }
+}

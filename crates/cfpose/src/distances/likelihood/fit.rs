@@ -1,0 +1,98 @@
+//! Ascent of the likelihood: theta by damped Newton steps, noise and clutter by their own.
+
+use super::{Kernel, Mixture, Placed, PointsLikelihood, Sums};
+use crate::geometry::linalg::solve_normal;
+
+/// A theta at which the likelihood is largest nearby.
+#[derive(Debug, Clone)]
+pub(crate) struct Fit {
+    /// Ambient, nuisance parameters as they came.
+    pub theta: Vec<f64>,
+    pub mixture: Mixture,
+    pub log_likelihood: f64,
+    pub iterations: usize,
+    /// Whether the last step promised less than a hundredth of a nat.
+    pub converged: bool,
+}
+
+/// A fit that is so many nats behind after some steps is given up.
+const FAR: f64 = 60.0;
+/// A step that promises less than this is the last.
+const NATS: f64 = 1e-3;
+/// Root mean square displacement of a step, in sizes of the target, at most.
+const LONGEST: f64 = 0.2;
+
+impl PointsLikelihood<'_> {
+    /// Ascend from theta with the mixture that is most likely there, `None` where a map is not finite.
+    ///
+    /// Gives up where the likelihood stays far below `least` after a few steps.
+    pub fn ascend(&self, theta: &[f64], kernel: Kernel, max_iterations: usize, least: f64) -> Option<Fit> {
+        let mut theta = theta.to_vec();
+        let mut placed = self.place(&theta, true)?;
+        let (mut mixture, _) = self.best_mixture(&mut placed, kernel, 7);
+        let mut sums = self.sums(&placed, &mixture);
+        let (mut damping, mut iterations, mut converged) = (0.1, 0, false);
+        while iterations < max_iterations && !converged {
+            iterations += 1;
+            let Some((next, gain)) = self.step(&theta, &placed, &sums, &mixture, &mut damping) else {
+                converged = true;
+                break;
+            };
+            theta = next;
+            converged = gain < NATS;
+            if iterations == 5 && sums.log_likelihood + gain < least - FAR {
+                return None;
+            }
+            // Frames, noise and clutter follow theta.
+            placed = self.place(&theta, true)?;
+            self.reweigh(&mut placed, &mixture);
+            mixture = self.updated(self.variance(&placed, &mixture), &mixture);
+            sums = self.sums(&placed, &mixture);
+        }
+        let (mixture, log_likelihood) = self.best_mixture(&mut placed, kernel, 10);
+        Some(Fit { theta, mixture, log_likelihood, iterations, converged })
+    }
+
+    /// Make one step that ascends, with the frames held: (observed + damping complete) step = gradient. Returns theta and the
+    /// gain; `None` where no step ascends.
+    fn step(
+        &self,
+        theta: &[f64],
+        placed: &Placed,
+        sums: &Sums,
+        mixture: &Mixture,
+        damping: &mut f64,
+    ) -> Option<(Vec<f64>, f64)> {
+        let n = sums.gradient.len();
+        for _ in 0..8 {
+            let matrix: Vec<f64> =
+                sums.complete.iter().zip(&sums.lost).map(|(c, l)| c * (1.0 + *damping) - l).collect();
+            let Some(mut step) = solve_normal(n, &matrix, &sums.gradient, 1e-9) else {
+                *damping = (*damping * 5.0).max(0.05);
+                continue;
+            };
+            let promised: f64 = step.iter().zip(&sums.gradient).map(|(s, g)| s * g).sum();
+            if promised < NATS {
+                return None;
+            }
+            let moved = (quadratic(n, &sums.displacement, &step) / self.target.len() as f64).sqrt();
+            let longest = LONGEST * self.size;
+            if moved > longest {
+                step.iter_mut().for_each(|s| *s *= longest / moved);
+            }
+            let next = self.mover.retract(theta, &step);
+            let reached = self.replace(&next, placed).map(|placed| self.log_likelihood(&placed, mixture));
+            if let Some(gain) = reached.map(|value| value - sums.log_likelihood).filter(|gain| *gain > 0.0) {
+                *damping *= 0.2;
+                return Some((next, gain));
+            }
+            *damping = (*damping * 6.0).max(0.05);
+        }
+        None
+    }
+}
+
+/// v' M v.
+pub(super) fn quadratic(n: usize, matrix: &[f64], v: &[f64]) -> f64 {
+    (0..n).map(|i| v[i] * (0..n).map(|j| matrix[i * n + j] * v[j]).sum::<f64>()).sum()
+}

@@ -1,0 +1,216 @@
+//! Where the points' likelihood has its maxima: from what the means found, from given thetas, and everywhere
+//! (docs/method.md, *Modes*).
+
+use super::candidate::Candidate;
+use super::search::Search;
+use super::workbench::of_side;
+use crate::criteria::Criteria;
+use crate::distances::likelihood::{Fit, Kernel, PointsLikelihood};
+use crate::distances::sampling::{even, thin};
+use crate::error::{Error, Side};
+use crate::streams::stream;
+use cfpose_kernel::points::{Points, PointsError};
+
+/// Reaches of the coarse alignment, in sizes of the target: the first for all starts, the others for the best of them.
+const REACHES: [f64; 3] = [0.25, 0.13, 0.07];
+/// Steps at each reach.
+const STEPS: usize = 4;
+/// Thetas closer than this are one mode: radians, sizes of the source.
+const ONE_MODE: f64 = 0.1;
+
+/// A mode of the likelihood.
+#[derive(Debug, Clone)]
+pub(super) struct Mode {
+    pub fit: Fit,
+    /// Nats behind the most likely mode, and the same in standard deviations.
+    pub behind: [f64; 2],
+}
+
+impl Mode {
+    /// Say whether the data cannot tell the mode from the most likely one.
+    pub fn is_equal(&self, criteria: &Criteria) -> bool {
+        self.behind[0] < criteria.mode_nats || self.behind[1] < criteria.mode_deviations
+    }
+}
+
+/// What the search for modes found, most likely first.
+pub(super) struct Modes {
+    pub all: Vec<Mode>,
+    /// Gain of the best over a target that is all clutter, in nats.
+    pub gain: f64,
+}
+
+impl Search<'_> {
+    /// Look for all modes of the likelihood; `None` where it cannot be computed.
+    pub fn modes(&mut self, found: &[Candidate], given: &[Vec<f64>]) -> Result<Option<Modes>, Error> {
+        let coarse = self.covering(self.parts.criteria.coarse_points)?;
+        let fine = self.likelihood(self.parts.criteria.fine_points, 12, "modes")?;
+        let (Some(coarse), Some(fine)) = (coarse, fine) else { return Ok(None) };
+        let starts = self.aligned(&coarse, found, given)?;
+        let mut fits: Vec<Fit> = Vec::new();
+        for theta in self.worth_polishing(starts) {
+            self.polish(&fine, &theta, &mut fits);
+        }
+        // What the model says the best may also be: a mirrored tilt, a second decomposition.
+        if let Some(best) = most_likely(&fits).map(|fit| fit.theta.clone()) {
+            for theta in self.last().implied(&best, self.parts) {
+                self.polish(&fine, &theta, &mut fits);
+            }
+        }
+        fits.sort_by(|a, b| b.log_likelihood.total_cmp(&a.log_likelihood));
+        let mut all: Vec<Mode> = Vec::new();
+        for fit in fits {
+            if all.iter().all(|mode| self.apart(&mode.fit.theta, &fit.theta) > ONE_MODE) {
+                let behind = all.first().map_or([0.0; 2], |best| behind(&fine, &best.fit, &fit));
+                all.push(Mode { fit, behind });
+            }
+        }
+        let gain = all.first().map_or(0.0, |mode| mode.fit.log_likelihood - fine.chance());
+        self.starts += all.len();
+        Ok((!all.is_empty()).then_some(Modes { all, gain }))
+    }
+
+    /// Thin both sides of the last stage at random and prepare their likelihood.
+    pub fn likelihood(
+        &self,
+        [num_source, num_target]: [usize; 2],
+        neighbours: usize,
+        name: &str,
+    ) -> Result<Option<PointsLikelihood<'_>>, Error> {
+        let stage = self.last();
+        let mut rng = stream(self.parts.settings.seed, name);
+        let source = thin(&stage.all_source, num_source, &mut rng).map_err(of_side(Side::Source))?;
+        let target = thin(&stage.sides.mapped_target, num_target, &mut rng).map_err(of_side(Side::Target))?;
+        Ok(PointsLikelihood::new(&stage.problem, &source, target.rows(), neighbours))
+    }
+
+    /// Prepare the likelihood of points that cover both sides: of the source an even part, of the target half an even part, which dense
+    /// clutter does not dominate, half a random one, which thin clutter does not.
+    fn covering(&self, [num_source, num_target]: [usize; 2]) -> Result<Option<PointsLikelihood<'_>>, Error> {
+        let stage = self.last();
+        let source = even(&stage.all_source, num_source).map_err(of_side(Side::Source))?;
+        let rows = self.parts_of_target(num_target / 2)?.map(|part| part.rows()).concat();
+        Ok(PointsLikelihood::new(&stage.problem, &source, rows, 8))
+    }
+
+    fn parts_of_target(&self, count: usize) -> Result<[Points; 2], Error> {
+        let mut rng = stream(self.parts.settings.seed, "everywhere");
+        let target = &self.last().sides.mapped_target;
+        let of_target = of_side(Side::Target);
+        Ok([even(target, count).map_err(&of_target)?, thin(target, count, &mut rng).map_err(&of_target)?])
+    }
+
+    /// Return scored thetas: candidates and given ones as they are and aligned, and the best of those from everywhere.
+    fn aligned(
+        &self,
+        coarse: &PointsLikelihood<'_>,
+        found: &[Candidate],
+        given: &[Vec<f64>],
+    ) -> Result<Vec<(f64, Vec<f64>)>, Error> {
+        let adopt = |theta: &Vec<f64>| self.last().adopt(theta, self.parts);
+        let mut scored: Vec<(f64, Vec<f64>)> = Vec::new();
+        for theta in found.iter().map(|candidate| &candidate.theta).chain(given).map(adopt) {
+            let aligned = coarse.align(&theta, &REACHES, STEPS);
+            scored.extend(score(coarse, theta));
+            scored.extend(aligned.and_then(|(_, theta)| score(coarse, theta)));
+        }
+        let mut rough: Vec<(f64, Vec<f64>)> = Vec::new();
+        for theta in self.everywhere()? {
+            rough.extend(coarse.align(&adopt(&theta), &REACHES[..1], STEPS));
+        }
+        rough.sort_by(|a, b| b.0.total_cmp(&a.0));
+        for (_, theta) in rough.into_iter().take(self.parts.criteria.aligned) {
+            let aligned = coarse.align(&theta, &REACHES[1..], STEPS);
+            scored.extend(aligned.and_then(|(_, theta)| score(coarse, theta)));
+        }
+        scored.retain(|(value, theta)| value.is_finite() && self.is_plausible(theta));
+        Ok(scored)
+    }
+
+    /// Return thetas all over the model's manifold, from both parts of the target without what lies far outside.
+    fn everywhere(&self) -> Result<Vec<Vec<f64>>, Error> {
+        let Some(name) = self.pipeline.points.as_ref().and_then(|points| points.start.as_ref()) else {
+            return Ok(Vec::new());
+        };
+        let stage = self.last();
+        let source = even(&stage.sides.source, 300).map_err(of_side(Side::Source))?;
+        let mut thetas = Vec::new();
+        for part in self.parts_of_target(300)? {
+            let target = central(&part).map_err(of_side(Side::Target))?;
+            thetas.extend(self.proposals_for(name, stage, &source, &target)?);
+        }
+        thetas.retain(|theta| self.is_plausible(theta));
+        Ok(thetas)
+    }
+
+    /// Return the best that differ: some in any case, more while they are about as good.
+    fn worth_polishing(&self, mut scored: Vec<(f64, Vec<f64>)>) -> Vec<Vec<f64>> {
+        let criteria = &self.parts.criteria;
+        scored.sort_by(|a, b| b.0.total_cmp(&a.0));
+        let best = scored.first().map_or(0.0, |(value, _)| *value);
+        let mut kept: Vec<Vec<f64>> = Vec::new();
+        for (value, theta) in scored {
+            let [always, most] = criteria.polished;
+            let wanted = kept.len() < always || kept.len() < most && value > best - criteria.about_as_good;
+            if wanted && kept.iter().all(|other| self.apart(other, &theta) > 1.5 * ONE_MODE) {
+                kept.push(theta);
+            }
+        }
+        kept
+    }
+
+    /// Ascend from theta, as a shape and as copies of points.
+    fn polish(&self, fine: &PointsLikelihood<'_>, theta: &[f64], fits: &mut Vec<Fit>) {
+        let most = most_likely(fits).map_or(f64::NEG_INFINITY, |fit| fit.log_likelihood);
+        let Some(shape) = fine.ascend(theta, Kernel::Shape, 12, most) else { return };
+        let copies = fine.ascend(&shape.theta, Kernel::Copies, 8, most.max(shape.log_likelihood));
+        let usable = |fit: &Fit| fit.log_likelihood.is_finite() && self.is_plausible(&fit.theta);
+        fits.extend([Some(shape), copies].into_iter().flatten().filter(usable));
+    }
+}
+
+fn most_likely(fits: &[Fit]) -> Option<&Fit> {
+    fits.iter().max_by(|a, b| a.log_likelihood.total_cmp(&b.log_likelihood))
+}
+
+/// Return by how many nats a fit is behind another, and that in standard deviations of a sum of as many independent differences: Vuong's
+/// test (1989) of two models that do not contain each other. Where the target is a new sample of a symmetric shape, one of the
+/// equal poses is ahead by chance, by more nats the more points there are.
+pub(super) fn behind(likelihood: &PointsLikelihood<'_>, best: &Fit, other: &Fit) -> [f64; 2] {
+    let each = |fit: &Fit| {
+        let mut placed = likelihood.place(&fit.theta, false)?;
+        likelihood.reweigh(&mut placed, &fit.mixture);
+        Some(likelihood.log_each(&placed, &fit.mixture))
+    };
+    let nats = best.log_likelihood - other.log_likelihood;
+    let (Some(a), Some(b)) = (each(best), each(other)) else { return [nats, 0.0] };
+    let differences: Vec<f64> = a.iter().zip(&b).map(|(a, b)| a - b).collect();
+    let mean = differences.iter().sum::<f64>() / differences.len() as f64;
+    let square: f64 = differences.iter().map(|d| (d - mean).powi(2)).sum();
+    [nats, if square > 0.0 { nats / square.sqrt() } else { 0.0 }]
+}
+
+/// Score a theta by the likelihood of its best mixture.
+fn score(likelihood: &PointsLikelihood<'_>, theta: Vec<f64>) -> Option<(f64, Vec<f64>)> {
+    let mut placed = likelihood.place(&theta, false)?;
+    Some((likelihood.best_mixture(&mut placed, Kernel::Shape, 5).1, theta))
+}
+
+/// Leave out what is farther from the middle than three times the median distance.
+fn central(points: &Points) -> Result<Points, PointsError> {
+    let dim = points.dim();
+    let middle: Vec<f64> = (0..dim)
+        .map(|d| {
+            let mut column = points.column(d).to_vec();
+            column.sort_by(f64::total_cmp);
+            column[column.len() / 2]
+        })
+        .collect();
+    let distance = |k: usize| (0..dim).map(|d| (points.column(d)[k] - middle[d]).powi(2)).sum::<f64>().sqrt();
+    let distances: Vec<f64> = (0..points.len()).map(distance).collect();
+    let mut sorted = distances.clone();
+    sorted.sort_by(f64::total_cmp);
+    let limit = 3.0 * sorted[sorted.len() / 2];
+    let rows: Vec<usize> = (0..points.len()).filter(|k| distances[*k] <= limit).collect();
+    if rows.len() < 3 { Ok(points.clone()) } else { points.select(&rows) }
+}
