@@ -353,3 +353,76 @@ fn one_trial_is_computed_again_with_its_files() {
     assert!(desk.read(&format!("r/only-{key}/trial.json")).contains("\"truth\""));
     assert!(desk.fails(2, "run e.toml --out r --only 00ff").contains("no trial of this experiment has the key `00ff`"));
 }
+
+#[test]
+fn other_advice_works_when_it_is_followed() {
+    let desk = desk();
+    desk.write("e.toml", "trials = 2\n[[scenario]]\nname = \"cloud3\"\npoints = 40\n[[method]]\nname = \"paper\"\n");
+    desk.write_rows("one.csv", &(1..9).map(|k| vec![f64::from(k * k)]).collect::<Vec<_>>());
+    desk.write_rows("many.csv", &cloud(1100, 5));
+    let rigid = "estimate --model rigid3 --source p.csv --target q.csv";
+    assert_eq!(desk.run(&format!("{rigid} --json r.json")).code, 0);
+    assert_eq!(desk.run("run e.toml --out full").code, 0);
+    let many = "estimate --model rigid3 --source many.csv --target many.csv --start 0,0,0,0,0,0";
+    let evaluate = "evaluate --model rigid3 --source p.csv --target q.csv --at r.json";
+    let gain = "estimate --model gain1 --source one.csv --target one.csv --start";
+    // A line, what its message advises, and the line that follows it.
+    let cases: Vec<(String, &str, String)> = vec![
+        (format!("{rigid} --json p.csv"), "give it a file of its own", format!("{rigid} --json own.json")),
+        (
+            format!("{rigid} --json a.txt --pose-out a.txt"),
+            "give each a file of its own",
+            format!("{rigid} --json b --pose-out a.txt"),
+        ),
+        (
+            format!("{rigid} --plot figure.pdf"),
+            "give a name that ends in .svg or .png",
+            format!("{rigid} --plot figure.svg"),
+        ),
+        (format!("{rigid} --transformed-out t.las"), "use csv", format!("{rigid} --transformed-out t.csv")),
+        (format!("{many} --correspondence=one-to-one"), "use --correspondence", format!("{many} --correspondence")),
+        (format!("{gain} pca"), "use identity, grid or a theta", format!("{gain} identity")),
+        (format!("{gain} pca"), "use identity, grid or a theta", format!("{gain} 1.5")),
+        (format!("{rigid} --start 1,2,3"), "theta needs 6 numbers", format!("{rigid} --start 1,2,3,0,0,0")),
+        (format!("{rigid} --free rx,w"), "it has rx, ry, rz, tx, ty, tz", format!("{rigid} --free rx,ry,rz,tx,ty,tz")),
+        (
+            format!("{rigid} --preset paper --features coordinates"),
+            "use a larger family",
+            format!("{rigid} --preset paper --features trig18"),
+        ),
+        (
+            format!("{rigid} --preset paper --features coordinates"),
+            "or fix parameters",
+            format!("{rigid} --preset paper --features coordinates --free tx,ty,tz"),
+        ),
+        (format!("{evaluate} --features trig18"), "leave it out", evaluate.to_string()),
+        (
+            format!("{evaluate} --features trig18"),
+            "or give numbers",
+            format!("{} --features trig18", evaluate.replace("r.json", "0,0,0,0,0,0")),
+        ),
+        ("run e.toml --out full".to_string(), "resume", "run e.toml --out full --resume".to_string()),
+        ("run e.toml --out full".to_string(), "or choose another folder", "run e.toml --out another".to_string()),
+        (
+            "run e.toml --trials 3 --out full".to_string(),
+            "choose another folder",
+            "run e.toml --trials 3 --out third".to_string(),
+        ),
+        ("run e.toml --out x --shard 2/2".to_string(), "for example 0/4", "run e.toml --out x --shard 0/4".to_string()),
+        (
+            "run e.toml --out y --shard auto".to_string(),
+            "give --shard I/N",
+            "run e.toml --out y --shard 1/2".to_string(),
+        ),
+        ("merge folder".to_string(), "give the folder that `run` wrote", "merge full".to_string()),
+        ("check rigid4".to_string(), "or rigid3?", "check rigid3".to_string()),
+    ];
+    std::fs::create_dir(desk.path("folder")).unwrap();
+    for (line, advice, better) in cases {
+        let run = desk.run(&line);
+        assert!([2, 3].contains(&run.code), "{line}: {}", run.code);
+        assert!(run.err.contains(advice), "{line}\n{}\nin place of: {advice}", run.err);
+        let again = desk.run(&better);
+        assert!([0, 4].contains(&again.code), "{}\nfollowed: {better}\ngives: {}", run.err, again.err);
+    }
+}

@@ -2,7 +2,7 @@
 //!
 //! * `experiment.toml`: the resolved experiment; it says to which experiment the folder belongs.
 //! * `trials.jsonl` (whole run) or `trials-I-of-N.jsonl` (shard): one record a line, appended as trials end. Only the run that
-//!   holds the file's lock writes it ([`lock`]).
+//!   holds the file's lock writes it (`folder/lock.rs`).
 //! * `earlier.json`: fingerprints of the smaller experiments that the folder held before it grew.
 //! * `results.csv`, `timings.csv`, `summary.json`, `tables.md`, `report.html`, where there are several record files also
 //!   `records.jsonl`, and last `manifest.json`: made from the records.

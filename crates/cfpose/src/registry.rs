@@ -130,7 +130,8 @@ impl Registry {
     /// [`Error::Build`] for an unknown name or bad parameters.
     pub fn start(&self, spec: &str) -> Result<Box<dyn StartStrategy>, Error> {
         let (entry, parameters) = find("start", &self.starts, spec).map_err(BuildError::from)?;
-        Ok(guard::build("start", entry.name, || (entry.build)(&parameters).map_err(BuildError::from))?)
+        let start = guard::build("start", entry.name, || (entry.build)(&parameters).map_err(BuildError::from))?;
+        Ok(Box::new(guard::WatchedStart { start, own: !guard::ships(crate::start::ALL, entry) }))
     }
 
     /// Build a solver by name; solvers that its parameters name come from this registry too.

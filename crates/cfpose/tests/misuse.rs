@@ -6,6 +6,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use cfpose::entry::EntryError;
 use cfpose::family::{FamilyEntry, General, Separable};
 use cfpose::problem::Sides;
+use cfpose::start::{StartContext, StartEntry, StartStrategy};
 use cfpose::theta::{BlockKind, Layout};
 use cfpose::{
     BuildContext, BuildError, Error, Estimator, Execution, Family, Map, Model, ModelEntry, Points, Registry, Scalar,
@@ -229,6 +230,7 @@ fn registry() -> Registry {
         &P_MORE,
         &P_NAN,
     ]);
+    registry.starts.extend([&B_SHORT, &B_NAN, &B_PANICS]);
     registry.solvers.extend([&S_SHORT, &S_NAN, &S_COST, &S_LIES, &S_PANICS]);
     registry
 }
@@ -308,6 +310,54 @@ fn what_a_solver_returns_is_looked_at() {
     }
 }
 
+/// Starts that are what the name says.
+struct Stray(&'static str);
+
+impl StartStrategy for Stray {
+    fn name(&self) -> &'static str {
+        self.0
+    }
+    fn starts(&self, context: &StartContext<'_>) -> Result<Vec<Vec<f64>>, Error> {
+        let mut theta = context.model.identity.clone();
+        match self.0 {
+            "stray-short" => theta.truncate(2),
+            "stray-nan" => theta[0] = f64::NAN,
+            _ => panic!("the author's start fell over"),
+        }
+        Ok(vec![theta])
+    }
+}
+
+macro_rules! starts {
+    ($($entry:ident, $name:literal;)*) => {$(
+        static $entry: StartEntry = StartEntry {
+            name: $name,
+            summary: "",
+            parameters: &[],
+            source: "",
+            build: |_| Ok(Box::new(Stray($name))),
+        };
+    )*};
+}
+starts! {
+    B_SHORT, "stray-short";
+    B_NAN, "stray-nan";
+    B_PANICS, "stray-panics";
+}
+
+#[test]
+fn starts_that_are_no_theta_are_named() {
+    for (start, expected) in [
+        ("stray-short", "start `stray-short` is broken: it proposes a theta of 2 numbers, not 3"),
+        ("stray-nan", "start `stray-nan` is broken: it proposes a theta that holds NaN"),
+        ("stray-panics", "start `stray-panics` is broken: it panics: the author's start fell over"),
+    ] {
+        for preset in ["paper", "auto"] {
+            assert_eq!(refusal(&Settings::preset(preset, "rigid2").unwrap().start(start)), expected);
+        }
+    }
+}
+
 #[test]
 fn a_doubled_name_is_refused_wherever_it_is_looked_up() {
     let mut twice = registry();
@@ -384,6 +434,8 @@ fn nesting_is_bounded() {
     let many = vec!["fourier[k=8]"; 40].join(" + ");
     let error = registry.family(&many, &context).err().unwrap().to_string();
     assert!(error.contains("basis functions are more than 16384; choose a smaller family"), "{error}");
+    let large = registry.family("orthonormalised[basis=fourier[k=8]]", &context).err().unwrap().to_string();
+    assert!(large.contains("at most 512 can be orthonormalised; choose a smaller one"), "{large}");
     let blur = "quadrature-blur[family=quadrature-blur[family=rbf]]";
     assert!(registry.family(blur, &context).err().unwrap().to_string().contains("a blur of a blur"));
 }

@@ -19,8 +19,10 @@ use cfpose_optim::problem::{Capabilities, LeastSquares, half_squared_norm};
 use cfpose_optim::solver::{Control, Needs, SolveError, Solver};
 
 use crate::entry::BuildError;
+use crate::error::Error;
 use crate::model::{Model, PointKind};
 use crate::problem::map_points;
+use crate::start::{StartContext, StartStrategy};
 
 /// Largest relative difference between the cost that a solver reports and that of its theta.
 const SAME_COST: f64 = 1e-6;
@@ -221,6 +223,38 @@ fn plausible(outcome: &Outcome, seen: &Seen<'_>, expected: usize) -> Result<(), 
     let cost = seen.cost(&outcome.theta);
     let same = (cost - outcome.cost).abs() <= SAME_COST * (1e-12 + cost.max(outcome.cost));
     if same { Ok(()) } else { Err(format!("it reports the cost {:e} at a theta whose cost is {cost:e}", outcome.cost)) }
+}
+
+/// A start strategy whose panics are errors, and whose proposals are looked at where it does not ship.
+pub(super) struct WatchedStart {
+    /// The strategy.
+    pub start: Box<dyn StartStrategy>,
+    /// Whether a program added it.
+    pub own: bool,
+}
+
+impl StartStrategy for WatchedStart {
+    fn name(&self) -> &'static str {
+        self.start.name()
+    }
+
+    fn starts(&self, context: &StartContext<'_>) -> Result<Vec<Vec<f64>>, Error> {
+        let broken = |problem: String| {
+            Error::from(BuildError::Broken { kind: "start", name: self.start.name().to_string(), problem })
+        };
+        let starts = catch_unwind(AssertUnwindSafe(|| self.start.starts(context)))
+            .map_err(|panic| broken(format!("it panics: {}", words(panic.as_ref()))))??;
+        let expected = context.model.layout.manifold().ambient();
+        for theta in starts.iter().filter(|_| self.own) {
+            if theta.len() != expected {
+                return Err(broken(format!("it proposes a theta of {} numbers, not {expected}", theta.len())));
+            }
+            if let Some(value) = theta.iter().find(|value| !value.is_finite()) {
+                return Err(broken(format!("it proposes a theta that holds {value}")));
+            }
+        }
+        Ok(starts)
+    }
 }
 
 /// A problem that remembers the cost of every theta, so that looking at an outcome takes no evaluation more.
