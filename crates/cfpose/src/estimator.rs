@@ -11,6 +11,7 @@ use cfpose_optim::{LeastSquares, Observer, Outcome, Status};
 use crate::criteria::Criteria;
 use crate::entry::BuildContext;
 use crate::error::Error;
+use crate::geometry::centred::Centred;
 use crate::geometry::free::Freedom;
 use crate::geometry::pose::Pose;
 use crate::model::Model;
@@ -71,6 +72,10 @@ struct Parts {
     criteria: Criteria,
     /// What is free, and the values of the rest.
     freedom: Option<Freedom>,
+    /// What a step of theta means, where it is not the model's own: some parameters free, or turns about the centre.
+    manifold: Option<Arc<dyn Manifold>>,
+    /// The latter.
+    centred: Option<Centred>,
     /// Theta (ambient) that fixes the statistics of a target side that moves.
     reference: Vec<f64>,
     execution: Execution,
@@ -133,8 +138,11 @@ impl Estimator {
         let freedom = settings.free.as_ref().map(|free| Freedom::new(&model.layout, free, &base));
         let pipeline = settings.resolve(&model, freedom.as_ref());
         let criteria = pipeline.criteria.clone();
+        let centred = (freedom.is_none() && pipeline.points.is_some()).then(|| centred(&model, &data.source)).flatten();
+        let free = freedom.as_ref().map(|freedom| Arc::new(freedom.manifold().clone()) as Arc<dyn Manifold>);
+        let manifold = free.or_else(|| Some(Arc::new(centred.clone()?) as Arc<dyn Manifold>));
         let (registry, execution) = (registry.clone(), execution.clone());
-        let parts = Parts { registry, settings, criteria, freedom, reference: base, execution };
+        let parts = Parts { registry, settings, criteria, freedom, manifold, centred, reference: base, execution };
         let stages = Stages::new(&parts, data, &pipeline, 0)?;
         Ok(Self { parts, pipeline, stages })
     }
@@ -191,6 +199,11 @@ impl Estimator {
         }
         if let Some(statistics) = best.statistics.as_mut().filter(|_| best.evidence.is_some()) {
             best.deviation = Some(search.deviation(&theta, &statistics.covariance));
+            if let Some(centred) = &self.parts.centred {
+                let here = statistics.covariance.clone();
+                statistics.covariance = moved(&centred.to_own(&theta), &here);
+                statistics.covariance_at_centroid = Some(here);
+            }
             undetermined::without(&best.undetermined, &mut statistics.covariance);
         }
         warnings.extend(verdict::reasons(&best, stage, &self.parts).into_iter().map(|(words, _)| words));
@@ -331,6 +344,24 @@ impl Estimator {
     pub fn settings(&self) -> &Settings {
         &self.parts.settings
     }
+}
+
+/// M C M'.
+fn moved(m: &[f64], c: &[f64]) -> Vec<f64> {
+    let n = (c.len() as f64).sqrt() as usize;
+    let product: Vec<f64> = (0..n * n).map(|at| (0..n).map(|k| m[at / n * n + k] * c[k * n + at % n]).sum()).collect();
+    (0..n * n).map(|at| (0..n).map(|k| product[at / n * n + k] * m[at % n * n + k]).sum()).collect()
+}
+
+/// Return the manifold of turns about the middle of the source, for linear maps of points as they are.
+fn centred(model: &Model, source: &Points) -> Option<Centred> {
+    let group = model.linear.as_ref().filter(|group| group.dim == source.dim())?;
+    let middle = |d: usize| {
+        let mut column = source.column(d).to_vec();
+        let at = column.len() / 2;
+        *column.select_nth_unstable_by(at, f64::total_cmp).1
+    };
+    Centred::of(&model.layout, &(0..group.dim).map(middle).collect::<Vec<f64>>())
 }
 
 /// Move a theta that is off its manifold by more than rounding (a matrix from a file that is no rotation) onto it.

@@ -58,6 +58,8 @@ pub struct MomentProblem {
     extra: Vec<Arc<dyn DynRows>>,
     /// Square root of W: rows x all features of all groups.
     whitening: Option<Arc<[f64]>>,
+    /// Expected squared norm of the whitened features, where it is not their number.
+    effective_rows: Option<f64>,
     coefficients: Option<Arc<SparseMatrix>>,
     closure: Option<Arc<Closure>>,
     execution: Execution,
@@ -111,6 +113,7 @@ impl MomentProblem {
             groups: Vec::new(),
             noise: Noise::None,
             whitening: None,
+            effective_rows: None,
             execution,
             manifold,
         }
@@ -207,6 +210,24 @@ impl MomentProblem {
     pub fn with_whitening(mut self, whitening: Option<Vec<f64>>) -> Self {
         self.whitening = whitening.map(Arc::from);
         self
+    }
+
+    /// State the expected squared norm of the whitened features, where a ridge makes it less than their number.
+    #[must_use]
+    pub(crate) fn with_effective_rows(mut self, effective: Option<f64>) -> Self {
+        self.effective_rows = effective;
+        self
+    }
+
+    /// Return the expected squared norm of the residual where the model holds and nothing is fitted.
+    pub(crate) fn effective_rows(&self) -> f64 {
+        let rows = self.num_residuals() as f64;
+        match (&self.whitening, self.effective_rows) {
+            (Some(whitening), Some(effective)) => {
+                rows + effective - (whitening.len() / self.num_feature_rows().max(1)) as f64
+            }
+            _ => rows,
+        }
     }
 
     /// Return the square root of W that the residual was multiplied by, `None` for the identity.

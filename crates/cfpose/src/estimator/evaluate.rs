@@ -1,5 +1,7 @@
 //! Evaluation without solving: of named parts at one theta, and of what an estimate minimised last.
 
+use std::sync::Arc;
+
 use cfpose_optim::manifold::Manifold;
 use cfpose_optim::problem::LeastSquares;
 
@@ -74,11 +76,14 @@ impl Estimator {
             let problem = format!("the result's theta has {found} numbers, the model needs at least {expected}");
             return Err(Error::Unsupported(problem));
         }
+        let freedom = minimised.free.as_ref().map(|free| Freedom::new(&model.layout, free, &minimised.theta));
         let parts = Parts {
             registry: self.parts.registry.clone(),
             settings: Settings { seed: minimised.seed, ..self.parts.settings.clone() },
             criteria: self.parts.criteria.clone(),
-            freedom: minimised.free.as_ref().map(|free| Freedom::new(&model.layout, free, &minimised.theta)),
+            manifold: freedom.as_ref().map(|freedom| Arc::new(freedom.manifold().clone()) as Arc<dyn Manifold>),
+            freedom,
+            centred: None,
             reference: minimised.reference.clone(),
             execution: self.parts.execution.clone(),
         };

@@ -289,10 +289,13 @@ impl<'a> Search<'a> {
 
     /// Return how far two thetas are apart: radians, and lengths in sizes of the source.
     pub fn apart(&self, a: &[f64], b: &[f64]) -> f64 {
-        let manifold = self.last().model().layout.manifold();
-        let own = manifold.ambient();
-        let mut step = vec![0.0; manifold.tangent()];
-        manifold.local(&a[..own], &b[..own], &mut step);
+        let layout = self.last().model().layout.manifold();
+        let own = layout.ambient();
+        let mut step = vec![0.0; layout.tangent()];
+        match &self.parts.centred {
+            Some(centred) => centred.local(&a[..own], &b[..own], &mut step),
+            None => layout.local(&a[..own], &b[..own], &mut step),
+        }
         let units = self.units(b);
         step.iter_mut().zip(&units).for_each(|(step, unit)| *step /= unit);
         // Opposite unit vectors have no tangent step between them: their chord tells them apart.

@@ -48,7 +48,7 @@ impl ReadyStage {
 
     /// Return the problem of the stage on other points.
     pub fn problem_on(&self, parts: &Parts, source: &Points, target: &Points) -> MomentProblem {
-        self.sides.problem_on(&self.family, self.stage.noise.into(), parts.freedom.as_ref(), source, target)
+        self.sides.problem_on(&self.family, self.stage.noise.into(), parts.manifold.as_ref(), source, target)
     }
 
     /// Return all source points, lifted.
@@ -206,7 +206,9 @@ impl ReadyStage {
         let covariance =
             statistics::feature_covariance(&self.problem, theta, randomness, seed).map_err(of_side(Side::Source))?;
         let whitening = self.weighting.whitening(&covariance, self.problem.num_features());
-        let problem = self.problem.clone().with_whitening(whitening.map(|whitening| whitening.matrix));
+        let effective = whitening.as_ref().map(|whitening| whitening.effective);
+        let whitened = self.problem.clone().with_whitening(whitening.map(|whitening| whitening.matrix));
+        let problem = whitened.with_effective_rows(effective);
         problem.require_enough_features()?;
         Ok(problem)
     }

@@ -130,7 +130,7 @@ impl<'a> Workbench<'a> {
             _ => adapt(Side::Source, &parts.settings.model, model.source_points, &data.source)?,
         };
         let family = sides.family(&self.context(), |context| parts.registry.family(&stage.features, context))?;
-        let problem = sides.problem(&family, stage.noise.into(), parts.freedom.as_ref());
+        let problem = sides.problem(&family, stage.noise.into(), parts.manifold.as_ref());
         let solver = parts.settings.solver_of(stage, &model).to_string();
         Ok(ReadyStage {
             stage: Stage {

@@ -4,7 +4,6 @@ use std::sync::Arc;
 
 use crate::entry::BuildContext;
 use crate::error::{Error, Side};
-use crate::geometry::free::Freedom;
 use crate::model::{Model, PointKind};
 use crate::problem::normalise::Normaliser;
 use crate::problem::{MomentProblem, Noise, map_points};
@@ -12,6 +11,7 @@ use cfpose_kernel::family::DynFamily;
 use cfpose_kernel::map::{LiftedPoints, Transform};
 use cfpose_kernel::means::Execution;
 use cfpose_kernel::points::{Points, PointsError};
+use cfpose_optim::manifold::Manifold;
 
 /// Two point sets as a model takes them, lifted, and the normalised feature space of the target.
 ///
@@ -71,9 +71,14 @@ impl Sides {
         Ok(Arc::from(build(&context)?))
     }
 
-    /// Set up the problem of a family on these points: noise as nuisance parameters, some parameters free (`None`: all).
-    pub fn problem(&self, family: &Arc<dyn DynFamily>, noise: Noise, freedom: Option<&Freedom>) -> MomentProblem {
-        self.assemble(family, noise, freedom, Arc::clone(&self.lifted_source), Arc::clone(&self.lifted_target))
+    /// Set up the problem of a family on these points: noise as nuisance parameters, steps as a manifold of theta says (`None`: the model's).
+    pub fn problem(
+        &self,
+        family: &Arc<dyn DynFamily>,
+        noise: Noise,
+        manifold: Option<&Arc<dyn Manifold>>,
+    ) -> MomentProblem {
+        self.assemble(family, noise, manifold, Arc::clone(&self.lifted_source), Arc::clone(&self.lifted_target))
     }
 
     /// Set up the same problem on other points (as the model takes them) in the same normalised space.
@@ -81,19 +86,19 @@ impl Sides {
         &self,
         family: &Arc<dyn DynFamily>,
         noise: Noise,
-        freedom: Option<&Freedom>,
+        manifold: Option<&Arc<dyn Manifold>>,
         source: &Points,
         target: &Points,
     ) -> MomentProblem {
         let (source, target) = (self.model.source.lift(source), self.model.target.map().lift(target));
-        self.assemble(family, noise, freedom, Arc::new(source), Arc::new(target))
+        self.assemble(family, noise, manifold, Arc::new(source), Arc::new(target))
     }
 
     fn assemble(
         &self,
         family: &Arc<dyn DynFamily>,
         noise: Noise,
-        freedom: Option<&Freedom>,
+        manifold: Option<&Arc<dyn Manifold>>,
         source: Arc<LiftedPoints>,
         target: Arc<LiftedPoints>,
     ) -> MomentProblem {
@@ -101,8 +106,8 @@ impl Sides {
         let problem = MomentProblem::without_points(model, family, self.transform, self.execution.clone())
             .with_lifted(source, target)
             .with_noise(noise);
-        match freedom {
-            Some(freedom) => problem.with_model_manifold(Arc::new(freedom.manifold().clone())),
+        match manifold {
+            Some(manifold) => problem.with_model_manifold(Arc::clone(manifold)),
             None => problem,
         }
     }

@@ -176,9 +176,12 @@ pub(crate) fn features(problem: &MomentProblem, isa: Isa, points: &[[f64; 3]]) -
 pub struct Statistics {
     /// Covariance of the model's free tangent coordinates, row by row; nuisance parameters are marginalised.
     pub covariance: Vec<f64>,
+    /// The same for turns about the middle of the source and shifts of its image, for models with a linear part and a translation:
+    /// far from the origin the covariance of theta itself is nearly singular.
+    pub covariance_at_centroid: Option<Vec<f64>>,
     /// J = r' S^-1 r.
     pub j_statistic: f64,
-    /// rank(S) - rank(Jacobian).
+    /// sum of value / (value + ridge) over the eigenvalues of S, rounded, minus rank(Jacobian): rank(S) - rank(Jacobian) without a ridge.
     pub degrees_of_freedom: usize,
     /// Probability of a larger J where the model holds.
     pub p_value: f64,
@@ -207,9 +210,11 @@ pub(crate) fn of_whitened(problem: &MomentProblem, theta: &[f64], own: usize) ->
         covariance.extend_from_slice(&report.matrix[j * cols..j * cols + own]);
     }
     let j_statistic = residual.iter().map(|r| r * r).sum();
-    let degrees_of_freedom = rows.saturating_sub(report.rank);
+    // Directions that the ridge damps count by what is left of their variance.
+    let degrees_of_freedom = (problem.effective_rows() - report.rank as f64).round().max(0.0) as usize;
     Some(Statistics {
         covariance,
+        covariance_at_centroid: None,
         j_statistic,
         degrees_of_freedom,
         p_value: chi_square_tail(j_statistic, degrees_of_freedom),

@@ -25,6 +25,8 @@ pub struct Whitening {
     pub matrix: Vec<f64>,
     /// Rank of the covariance: the number of rows.
     pub rank: usize,
+    /// Expected squared norm of the whitened residual: each row has the variance value / (value + ridge), 1 without a ridge.
+    pub effective: f64,
 }
 
 /// A weighting of the feature means. The identity is the paper's; statistical weightings replace it through the same trait.
@@ -86,13 +88,14 @@ fn inverse_root(covariance: &[f64], num_features: usize, regularisation: f64) ->
     let largest = values.last().copied().filter(|value| *value > 0.0)?;
     let floor = regularisation * values.iter().map(|v| v.max(0.0)).sum::<f64>() / num_features as f64;
     let mut matrix = Vec::with_capacity(num_features * num_features);
-    let mut rank = 0;
+    let (mut rank, mut effective) = (0, 0.0);
     for (column, value) in values.iter().enumerate().filter(|(_, value)| **value > RANK_TOLERANCE * largest) {
         let scale = (value + floor).sqrt().recip();
         matrix.extend((0..num_features).map(|i| scale * vectors[i * num_features + column]));
         rank += 1;
+        effective += value / (value + floor);
     }
-    Some(Whitening { matrix, rank })
+    Some(Whitening { matrix, rank, effective })
 }
 
 #[cfg(test)]

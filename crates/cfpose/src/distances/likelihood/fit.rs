@@ -16,7 +16,9 @@ pub(crate) struct Fit {
 }
 
 /// A fit that is so many nats behind after some steps is given up.
-const FAR: f64 = 60.0;
+const FAR: f64 = 80.0;
+/// The noise has to shrink first: an equal mode is far behind for some steps.
+const GIVE_UP: usize = 8;
 /// A step that promises less than this is the last.
 const NATS: f64 = 1e-3;
 /// Root mean square displacement of a step, in sizes of the target, at most.
@@ -40,7 +42,7 @@ impl PointsLikelihood<'_> {
             };
             theta = next;
             converged = gain < NATS;
-            if iterations == 5 && sums.log_likelihood + gain < least - FAR {
+            if iterations == GIVE_UP && sums.log_likelihood + gain < least - FAR {
                 return None;
             }
             // Frames, noise and clutter follow theta.

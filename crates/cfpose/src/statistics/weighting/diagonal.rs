@@ -22,7 +22,7 @@ impl Weighting for Diagonal {
             let variance = diagonal(i) + self.regularisation * mean;
             matrix[i * num_features + i] = if variance > 0.0 { variance.sqrt().recip() } else { 0.0 };
         }
-        Some(Whitening { matrix, rank: num_features })
+        Some(Whitening { matrix, rank: num_features, effective: num_features as f64 })
     }
 
     fn update(&self) -> Update {
