@@ -25,17 +25,19 @@ pub fn program() -> String {
     name.filter(|name| !name.is_empty()).unwrap_or_else(|| SHIPPED.to_string())
 }
 
+/// Return the definitions of all commands, under the name by which this process was called: of help, completions and manual.
+pub fn command() -> clap::Command {
+    let name = program();
+    let command = Arguments::command().name(name.clone()).bin_name(&name).display_name(&name);
+    if name == SHIPPED { command } else { command.version(concat!("with cfpose ", env!("CARGO_PKG_VERSION"))) }
+}
+
 /// Read the arguments of the process.
 ///
 /// # Errors
 /// What clap says, to be printed; help and version are such errors too.
 pub fn parse() -> Result<Arguments, clap::Error> {
-    let name = program();
-    let mut command = Arguments::command().bin_name(&name).display_name(&name);
-    if name != SHIPPED {
-        command = command.version(concat!("with cfpose ", env!("CARGO_PKG_VERSION")));
-    }
-    Arguments::from_arg_matches(&command.try_get_matches()?)
+    Arguments::from_arg_matches(&command().try_get_matches()?)
 }
 
 /// The commands.
@@ -63,6 +65,10 @@ pub enum Command {
     Pose(PoseArgs),
     /// Write the pages and lists of docs/reference from the tables
     Docs(DocsArgs),
+    /// Write the completions of a shell to standard output
+    Completions(CompletionsArgs),
+    /// Write the manual page, or with --out one for each command
+    Man(ManArgs),
 }
 
 /// What defines a problem: two files and the parts of the method.
@@ -104,9 +110,15 @@ pub struct ProblemArgs {
     /// auto, identity, pca, grid, a file, or the numbers of theta
     #[arg(long, value_name = "START", default_value = "auto", allow_hyphen_values = true)]
     pub start: String,
-    /// Every 2-column file holds pixels of this camera: fx,fy,cx,cy
-    #[arg(long, value_name = "FX,FY,CX,CY", allow_hyphen_values = true)]
+    /// Every 2-column file holds pixels of this camera: fx,fy,cx,cy, or a file (OpenCV, ROS, Kalibr, JSON)
+    #[arg(long, value_name = "FX,FY,CX,CY|FILE", allow_hyphen_values = true)]
     pub camera: Option<String>,
+    /// The source file holds pixels of this camera
+    #[arg(long, value_name = "CAMERA", allow_hyphen_values = true)]
+    pub source_camera: Option<String>,
+    /// The target file holds pixels of this camera
+    #[arg(long, value_name = "CAMERA", allow_hyphen_values = true)]
+    pub target_camera: Option<String>,
     /// Depth of the plane: turns translations in depths into its unit
     #[arg(long, value_name = "D", allow_hyphen_values = true)]
     pub depth: Option<f64>,
@@ -126,7 +138,7 @@ pub struct ProblemArgs {
     #[arg(long, value_name = "K", default_value_t = 0)]
     pub seed: u64,
     /// Threads, all processors when not given; the result does not depend on it
-    #[arg(long, value_name = "T", value_parser = clap::value_parser!(u16).range(1..))]
+    #[arg(long, value_name = "T", value_parser = clap::value_parser!(u16).range(1..=1024))]
     pub threads: Option<u16>,
     /// Instruction set: auto, avx512, avx2 or baseline
     #[arg(long, value_name = "ISA", default_value = "auto")]
@@ -190,6 +202,9 @@ pub struct EstimateArgs {
     /// Write the pose: .json, .tum, .kitti, else a 4x4 matrix
     #[arg(long, value_name = "FILE")]
     pub pose_out: Option<PathBuf>,
+    /// Draw both sets before and after, and the residuals: .svg or .png
+    #[arg(long, value_name = "FILE")]
+    pub plot: Option<PathBuf>,
     /// Write the transformed source points in the units of the target file
     #[arg(long, value_name = "FILE")]
     pub transformed_out: Option<PathBuf>,
@@ -270,14 +285,14 @@ pub struct RunArgs {
     /// Trials of every cell instead of the file's
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     pub trials: Option<u32>,
-    /// Compute part I of N, I from 0; auto takes both from the job array's environment
-    #[arg(long, value_name = "I/N|auto")]
+    /// Compute part I of N, I from 0; auto takes both from the job array's environment, auto/N only the number of the task
+    #[arg(long, value_name = "I/N|auto|auto/N")]
     pub shard: Option<String>,
-    /// Keep the records that are there and compute the missing ones
+    /// Keep the records that are there and compute the missing ones; trials may have risen, cells and methods been added
     #[arg(long)]
     pub resume: bool,
     /// Threads over trials, all processors when not given; the result does not depend on it
-    #[arg(long, value_name = "T", value_parser = clap::value_parser!(u16).range(1..))]
+    #[arg(long, value_name = "T", value_parser = clap::value_parser!(u16).range(1..=1024))]
     pub threads: Option<u16>,
     /// Instruction set: auto, avx512, avx2 or baseline; the same for all shards
     #[arg(long, value_name = "ISA", default_value = "auto")]
@@ -285,6 +300,9 @@ pub struct RunArgs {
     /// Print what would be computed and stop
     #[arg(long)]
     pub dry: bool,
+    /// Compute one trial again and write its point files into the folder's only-KEY; keys stand in results.csv
+    #[arg(long, value_name = "KEY", conflicts_with_all = ["shard", "resume", "dry"])]
+    pub only: Option<String>,
     /// Write JSON to a file, or to standard output for -
     #[arg(long, value_name = "FILE|-")]
     pub json: Option<PathBuf>,
@@ -310,6 +328,21 @@ pub struct DocsArgs {
     /// Folder of the project
     #[arg(long, value_name = "DIR", default_value = ".")]
     pub root: PathBuf,
+}
+
+/// Arguments of `completions`.
+#[derive(Debug, Args)]
+pub struct CompletionsArgs {
+    /// Shell
+    pub shell: clap_complete::Shell,
+}
+
+/// Arguments of `man`.
+#[derive(Debug, Args)]
+pub struct ManArgs {
+    /// Folder of the pages
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
 }
 
 /// Arguments of `pose`.

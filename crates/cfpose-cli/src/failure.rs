@@ -13,6 +13,8 @@ pub enum Kind {
     Input,
     /// The program ran and has no usable result: exit code 4.
     Unusable,
+    /// A signal stopped the program: exit code 128 and its number.
+    Stopped(u8),
 }
 
 impl Kind {
@@ -22,6 +24,7 @@ impl Kind {
             Kind::Usage => 2,
             Kind::Input => 3,
             Kind::Unusable => 4,
+            Kind::Stopped(code) => code,
         }
     }
 }
@@ -83,12 +86,16 @@ impl From<cfpose_optim::entry::EntryError> for Failure {
 }
 
 impl From<cfpose::Error> for Failure {
-    /// Points and their statistics are input; everything else the library refuses is a choice of arguments.
+    /// Points and their statistics are input, code that falls over gives no result; everything else the library refuses is a choice
+    /// of arguments.
     fn from(error: cfpose::Error) -> Self {
         let kind = match &error {
-            cfpose::Error::Points { .. } | cfpose::Error::PointDimension { .. } | cfpose::Error::Normalise { .. } => {
-                Kind::Input
-            }
+            cfpose::Error::Points { .. }
+            | cfpose::Error::Data { .. }
+            | cfpose::Error::PointDimension { .. }
+            | cfpose::Error::Normalise { .. } => Kind::Input,
+            cfpose::Error::Build(BuildError::Broken { .. })
+            | cfpose::Error::Solve(cfpose_optim::SolveError::Broken { .. }) => Kind::Unusable,
             _ => Kind::Usage,
         };
         Self { kind, error: error.into() }

@@ -1,21 +1,26 @@
 //! From arguments and files to an estimator.
 
-use std::path::Path;
+mod cameras;
+mod files;
+
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use cfpose::estimator::Pipeline;
 use cfpose::free::{Frame, columns, find_columns};
 use cfpose::homography::in_file_units;
-use cfpose::model::TargetSide;
+use cfpose::model::{LinearKind, TargetSide};
 use cfpose::theta::{Layout, RotationForm};
 use cfpose::{
     BuildContext, BuildError, Estimator, Execution, Isa, Model, Points, PointsError, Pose, Registry, Settings, Start,
 };
-use cfpose_vision::{Camera, Foreground, Invalid, PointFile, ReadOptions, format_named, format_of, read_points};
+use cfpose_vision::Camera;
 
-use crate::args::{FrameName, InvalidRows, ProblemArgs, ReadingArgs, Reflections, Side, numbers};
+use crate::args::{FrameName, ProblemArgs, Reflections};
 use crate::failure::{Failure, Kind, is_wrong_name};
 use crate::{output, starts};
+
+pub use files::read;
 
 /// A problem built from arguments and files.
 pub struct Loaded {
@@ -27,12 +32,10 @@ pub struct Loaded {
     pub num_source: usize,
     /// Number of target points.
     pub num_target: usize,
-    /// Coordinates in the source file.
-    pub source_dim: usize,
     /// Coordinates in the target file.
     pub target_dim: usize,
-    /// Camera of 2-column files.
-    pub camera: Option<Camera>,
+    /// Cameras of source and target, where the files hold pixels.
+    pub cameras: [Option<Camera>; 2],
     /// Names of the tangent directions that are free, in the order of the Jacobian's columns.
     pub free: Vec<String>,
     /// How rotations stand in lists of numbers.
@@ -42,7 +45,7 @@ pub struct Loaded {
 impl Loaded {
     /// Return the size of a unit of the feature space in the units of the target file: pixels for 2-column files of a camera.
     pub fn target_unit(&self) -> f64 {
-        self.camera.filter(|_| self.target_dim == 2).map_or(1.0, Camera::focal)
+        self.cameras[1].map_or(1.0, Camera::focal)
     }
 }
 
@@ -53,7 +56,8 @@ impl Loaded {
 pub fn load(args: &ProblemArgs, registry: &Registry) -> Result<Loaded, Failure> {
     let mut settings = settings(args, registry)?;
     let model = registry.model(&args.model, &BuildContext { seed: args.seed, ..BuildContext::default() })?;
-    let (form, camera) = (args.rotation, camera(args.camera.as_deref())?);
+    let form = args.rotation;
+    let cameras = cameras::read(args)?;
     check_depth(args, &model.layout)?;
     let isa = isa(&args.isa)?;
     let names: Vec<String> = columns(&model.layout).into_iter().map(|column| column.name).collect();
@@ -64,21 +68,23 @@ pub fn load(args: &ProblemArgs, registry: &Registry) -> Result<Loaded, Failure> 
         &starts::Context { model: &args.model, layout: &model.layout, form, depth: args.depth },
         registry,
     )?;
-    if let (Some(choice), Some(Start::Named(name))) = (args.reflections, &settings.start) {
-        let allow = choice == Reflections::Allow;
-        settings.start = Some(Start::Named(cfpose::start::with_reflections(&registry.starts, name, allow)));
-    }
     output::check_writable(args.json.as_deref())?;
-    let files = read_both(args)?;
+    let files = files::read_both(args)?;
     let (source, target) = (files[0].points.clone(), files[1].points.clone());
     let (source_dim, target_dim) = (source.dim(), target.dim());
-    if camera.is_some() && source.dim() != 2 && target.dim() != 2 {
-        output::note("note: --camera has no effect, no file has 2 columns");
-    }
-    let (source, target) = (to_image(source, camera, &args.source)?, to_image(target, camera, &args.target)?);
+    cameras::check(args, [source_dim, target_dim])?;
+    let source = cameras::to_image(source, cameras[0], &args.source)?;
+    let target = cameras::to_image(target, cameras[1], &args.target)?;
     let execution = execution(args.threads, isa, source.len().max(target.len()))?;
-    let estimator = Estimator::new(registry, &settings, &source, &target, &execution)
-        .map_err(|error| name_file(error, args, &target))?;
+    let build = |settings: &Settings| {
+        Estimator::new(registry, settings, &source, &target, &execution)
+            .map_err(|error| name_file(error, args, &target))
+    };
+    let mut estimator = build(&settings)?;
+    if let Some(choice) = args.reflections {
+        reflect(&mut settings, &estimator, choice, registry)?;
+        estimator = build(&settings)?;
+    }
     for (file, note) in files.iter().flat_map(|file| file.notes.iter().map(move |note| (file, note))) {
         output::note(&format!("note: {}: {note}", file.path.display()));
     }
@@ -87,12 +93,53 @@ pub fn load(args: &ProblemArgs, registry: &Registry) -> Result<Loaded, Failure> 
         isa,
         num_source: source.len(),
         num_target: target.len(),
-        source_dim,
         target_dim,
-        camera,
+        cameras: [cameras[0].filter(|_| source_dim == 2), cameras[1].filter(|_| target_dim == 2)],
         free: free.into_iter().map(|j| names[j].clone()).collect(),
         form,
     })
+}
+
+/// Let start strategies propose reflections or not: the strategy that is named, or the one of the pipeline.
+///
+/// # Errors
+/// Usage where no strategy chooses between reflections and others.
+fn reflect(
+    settings: &mut Settings,
+    estimator: &Estimator,
+    choice: Reflections,
+    registry: &Registry,
+) -> Result<(), Failure> {
+    let group = estimator.model().linear.as_ref().map(|group| group.kind);
+    if group != Some(LinearKind::General) {
+        let problem = "--reflections has no effect, the maps of model";
+        return Err(Failure::usage(format!("{problem} `{}` are no general affine maps; leave it out", settings.model)));
+    }
+    let allow = choice == Reflections::Allow;
+    let chosen = |name: &str| {
+        let spec = cfpose::start::with_reflections(&registry.starts, name, allow);
+        let given =
+            cfpose::entry::parse_spec(name).is_ok_and(|(_, given)| given.iter().any(|(key, _)| key == "reflections"));
+        if spec != name {
+            return Ok(spec);
+        }
+        let problem = if given { "says itself whether there are" } else { "proposes no" };
+        Err(Failure::usage(format!(
+            "--reflections has no effect, start `{name}` {problem} reflections; leave it out, or give --start whitened-affine"
+        )))
+    };
+    match &settings.start {
+        Some(Start::Named(name)) => settings.start = Some(Start::Named(chosen(name)?)),
+        Some(Start::Given(_)) => {
+            return Err(Failure::usage("--reflections has no effect beside a theta in --start; leave one of them out"));
+        }
+        None => {
+            let mut pipeline = estimator.pipeline().clone();
+            pipeline.global_start = Some(chosen(pipeline.global_start.as_deref().unwrap_or("identity"))?);
+            settings.pipeline = Some(pipeline);
+        }
+    }
+    Ok(())
 }
 
 /// Read the stages of an estimator.
@@ -107,6 +154,14 @@ fn pipeline(path: &Path) -> Result<Pipeline, Failure> {
         return Err(Failure::input(format!("{}: no [[stage]]; an estimator has at least one", path.display())));
     }
     Ok(pipeline)
+}
+
+/// Return all files that the arguments of a problem name as inputs.
+pub fn named(args: &ProblemArgs) -> Vec<PathBuf> {
+    let mut all = vec![args.source.clone(), args.target.clone(), PathBuf::from(args.start.trim())];
+    all.extend(args.pipeline.clone());
+    all.extend(cameras::files(args).into_iter().map(Path::to_path_buf));
+    all
 }
 
 /// Resolve the preset, let flags win over it, and look up every name.
@@ -140,96 +195,6 @@ fn settings(args: &ProblemArgs, registry: &Registry) -> Result<Settings, Failure
     Ok(settings)
 }
 
-/// Read a point file that an estimate can use.
-///
-/// # Errors
-/// As [`read_points`].
-pub fn read(path: &Path) -> Result<Points, Failure> {
-    Ok(read_file(path, &ReadOptions::default())?.points)
-}
-
-fn read_file(path: &Path, options: &ReadOptions) -> Result<PointFile, Failure> {
-    let file = read_points(path, options)?;
-    check_size(&file.points).map_err(|problem| Failure::input(format!("{}: {problem}", path.display())))?;
-    Ok(file)
-}
-
-/// Read source and target with the flags of reading.
-fn read_both(args: &ProblemArgs) -> Result<[PointFile; 2], Failure> {
-    let paths = [&args.source, &args.target];
-    if paths.iter().all(|path| path.as_os_str() == "-") {
-        return Err(Failure::usage("--source and --target are both standard input; name a file for one of them"));
-    }
-    let reading = &args.reading;
-    if let Some(name) = &reading.format {
-        format_named(name).map_err(|fault| Failure::usage(format!("--format: {fault}")))?;
-    }
-    // The format is that of the files whose name tells none, else of both.
-    let open = paths.map(|path| format_of(path).is_err());
-    let options = |open_here: bool| ReadOptions {
-        format: reading.format.clone().filter(|_| open_here || open == [false; 2]),
-        ..read_options(reading)
-    };
-    let files = [read_file(paths[0], &options(open[0]))?, read_file(paths[1], &options(open[1]))?];
-    let of_masks = reading.threshold.is_some() || reading.foreground.is_some();
-    if of_masks && files.iter().all(|file| file.format != "mask") {
-        output::note("note: --threshold and --foreground have no effect, no file is an image");
-    }
-    Ok(files)
-}
-
-/// Return what the flags of reading say.
-fn read_options(reading: &ReadingArgs) -> ReadOptions {
-    ReadOptions {
-        columns: reading.columns.clone(),
-        weight_column: reading.weight_column.clone(),
-        invalid: match reading.invalid {
-            None => Invalid::Missing,
-            Some(InvalidRows::Skip) => Invalid::Skip,
-            Some(InvalidRows::Refuse) => Invalid::Refuse,
-        },
-        max_points: reading.max_points.map(|most| usize::try_from(most).unwrap_or(usize::MAX)),
-        threshold: reading.threshold.unwrap_or_default(),
-        foreground: match reading.foreground {
-            None => Foreground::Auto,
-            Some(Side::Dark) => Foreground::Dark,
-            Some(Side::Bright) => Foreground::Bright,
-        },
-        ..ReadOptions::default()
-    }
-}
-
-/// Largest coordinate, and smallest extent: squares and cubes of what lies beyond are infinite or 0.
-const SIZES: [f64; 2] = [1e100, 1e-100];
-
-/// Check that means and covariances of the points can be computed.
-fn check_size(points: &Points) -> Result<(), String> {
-    let [most, least] = SIZES;
-    let (mut largest, mut extent) = (0.0_f64, 0.0_f64);
-    for d in 0..points.dim() {
-        let (low, high) =
-            points.column(d).iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), x| (a.min(*x), b.max(*x)));
-        largest = largest.max(low.abs()).max(high.abs());
-        extent = extent.max(high - low);
-    }
-    if largest > most {
-        return Err(format!("a coordinate of size {largest:e} overflows when it is squared; rescale the file"));
-    }
-    if extent < least {
-        return Err(format!("the points lie within {extent:e}, which underflows when it is squared; rescale the file"));
-    }
-    Ok(())
-}
-
-fn to_image(points: Points, camera: Option<Camera>, path: &Path) -> Result<Points, Failure> {
-    match camera {
-        Some(camera) if points.dim() == 2 => {
-            camera.normalise(&points).map_err(|error| Failure::input(format!("{}: {error}", path.display())))
-        }
-        _ => Ok(points),
-    }
-}
-
 /// Put the name of the file before an error about its points.
 pub fn name_file(error: cfpose::Error, args: &ProblemArgs, target: &Points) -> Failure {
     // What the reader accepted is finite, so the model made a value that is not.
@@ -244,27 +209,22 @@ pub fn name_file(error: cfpose::Error, args: &ProblemArgs, target: &Points) -> F
     }
     let path = match &error {
         cfpose::Error::Points { side: cfpose::Side::Source, .. }
+        | cfpose::Error::Data { side: cfpose::Side::Source, .. }
         | cfpose::Error::PointDimension { side: cfpose::Side::Source, .. } => Some(&args.source),
-        cfpose::Error::Points { .. } | cfpose::Error::PointDimension { .. } | cfpose::Error::Normalise { .. } => {
-            Some(&args.target)
+        // A model is built from the source: control points.
+        cfpose::Error::Build(BuildError::Data { name, .. }) if args.model.starts_with(name.as_str()) => {
+            Some(&args.source)
         }
+        cfpose::Error::Points { .. }
+        | cfpose::Error::Data { .. }
+        | cfpose::Error::PointDimension { .. }
+        | cfpose::Error::Normalise { .. } => Some(&args.target),
         _ => None,
     };
     match path {
         Some(path) => Failure { kind: Kind::Input, error: anyhow::anyhow!("{}: {error}", path.display()) },
         None => error.into(),
     }
-}
-
-fn camera(text: Option<&str>) -> Result<Option<Camera>, Failure> {
-    let Some(text) = text else { return Ok(None) };
-    let camera = match numbers(text).as_deref() {
-        Some([fx, fy, cx, cy]) => Camera::new(*fx, *fy, *cx, *cy),
-        _ => None,
-    };
-    let complain =
-        || Failure::usage(format!("--camera is `{text}`; give fx,fy,cx,cy in pixels, focal lengths above 0"));
-    camera.map(Some).ok_or_else(complain)
 }
 
 /// Say whether translations are counted in depths of a plane or in distances to it.
@@ -306,8 +266,9 @@ pub fn num_threads(given: Option<u16>) -> usize {
 /// # Errors
 /// Usage, when the operating system does not give that many threads.
 pub fn execution(threads: Option<u16>, isa: Isa, num_points: usize) -> Result<Execution, Failure> {
-    let wanted = num_threads(threads);
-    if wanted < 2 || num_points <= cfpose::means::CHUNK {
+    // More threads than chunks of points would only wait.
+    let wanted = num_threads(threads).min(num_points.div_ceil(cfpose::means::CHUNK));
+    if wanted < 2 {
         return Ok(Execution { isa, pool: None });
     }
     let pool = rayon::ThreadPoolBuilder::new().num_threads(wanted).build();
@@ -332,8 +293,7 @@ fn free_columns(args: &ProblemArgs, layout: &Layout) -> Result<Vec<usize>, Failu
 /// Return the homography of a theta in the units of the files, last entry 1; `None` where the model has none.
 pub fn homography(loaded: &Loaded, theta: &[f64]) -> Option<[[f64; 3]; 3]> {
     let matrix = loaded.estimator.homography(theta)?;
-    let of_file = |dim: usize| loaded.camera.filter(|_| dim == 2).map(|camera| camera.intrinsics());
-    let (source, target) = (of_file(loaded.source_dim), of_file(loaded.target_dim));
+    let [source, target] = loaded.cameras.map(|camera| camera.map(|camera| camera.intrinsics()));
     let h = in_file_units(&matrix, source.as_ref(), target.as_ref())?;
     Some([0, 1, 2].map(|i| [h[3 * i], h[3 * i + 1], h[3 * i + 2]]))
 }

@@ -13,8 +13,10 @@ mod inputs;
 mod output;
 mod progress;
 mod report;
+mod signals;
 mod starts;
 
+use std::panic::AssertUnwindSafe;
 use std::process::ExitCode;
 
 use cfpose_lab::Lab;
@@ -27,7 +29,8 @@ use failure::Failure;
 /// Names of models, families, normalisers, weightings, starts and solvers are looked up in `lab.registry`, scenarios in
 /// `lab.scenarios`, nowhere else.
 ///
-/// Exit codes: 0 usable; 2 wrong arguments; 3 bad input; 4 it ran and has no usable result. It does not panic on any input.
+/// Exit codes: 0 usable; 2 wrong arguments; 3 bad input; 4 it ran and has no usable result; 130 and 143 a run stopped by a signal. It does not panic on any input; a panic in the code of
+/// an entry of yours is caught and noted with its place.
 ///
 /// ```
 /// // The program `cfpose` whole; push entries of your own to `lab.registry` and `lab.scenarios` first.
@@ -46,9 +49,12 @@ pub fn main_with(lab: Lab) -> ExitCode {
             return ExitCode::from(u8::try_from(error.exit_code()).unwrap_or(2));
         }
     };
-    match commands::run(&arguments.command, &lab) {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(failure) => report(&failure),
+    std::panic::set_hook(Box::new(|panic| output::panicked(&panic.to_string())));
+    let run = AssertUnwindSafe(|| commands::run(&arguments.command, &lab));
+    match std::panic::catch_unwind(run) {
+        Ok(Ok(())) => ExitCode::SUCCESS,
+        Ok(Err(failure)) => report(&failure),
+        Err(_) => report(&Failure::unusable("the code of an entry panicked, see the note above; correct it there")),
     }
 }
 

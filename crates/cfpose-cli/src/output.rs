@@ -1,7 +1,9 @@
 //! Where results go: standard output, standard error, files; tables.
 
+use std::collections::BTreeSet;
 use std::io::Write;
-use std::path::Path;
+use std::path::{Path, PathBuf};
+use std::sync::{Mutex, PoisonError};
 
 use comfy_table::{Table, presets};
 use serde::Serialize;
@@ -22,6 +24,17 @@ pub fn print(text: &str) -> Result<(), Failure> {
 /// Write a line to standard error; nobody may be listening.
 pub fn note(text: &str) {
     let _ = writeln!(std::io::stderr().lock(), "{text}");
+}
+
+/// Write the place and message of a panic to standard error, each of them once: every trial of a run may meet it.
+pub fn panicked(text: &str) {
+    static SEEN: Mutex<BTreeSet<String>> = Mutex::new(BTreeSet::new());
+    let line = text.split_whitespace().collect::<Vec<_>>().join(" ");
+    let place = line.split(": ").next().unwrap_or_default().to_string();
+    let is_new = SEEN.lock().unwrap_or_else(PoisonError::into_inner).insert(place);
+    if is_new {
+        note(&format!("note: {line}"));
+    }
 }
 
 /// Say whether JSON goes to standard output, which then carries nothing else.
@@ -57,6 +70,54 @@ pub fn write_json(value: &impl Serialize, json: Option<&Path>) -> Result<(), Fai
 /// What the operating system says, with the file's name.
 pub fn write_file(path: &Path, text: &str) -> Result<(), Failure> {
     std::fs::write(path, text).map_err(|error| Failure::input(format!("{}: {error}", path.display())))
+}
+
+/// Refuse outputs that name an input or one another, before any work.
+///
+/// # Errors
+/// Usage, with the name.
+pub fn keep_apart(inputs: &[PathBuf], outputs: &[Option<&Path>]) -> Result<(), Failure> {
+    let outputs: Vec<&Path> = outputs.iter().flatten().copied().filter(|path| !is_standard(Some(path))).collect();
+    for (index, path) in outputs.iter().enumerate() {
+        if outputs[..index].iter().any(|other| same_file(other, path)) {
+            let name = path.display();
+            return Err(Failure::usage(format!("two outputs go to {name}; give each a file of its own")));
+        }
+        if let Some(input) = inputs.iter().find(|input| same_file(input, path)) {
+            let (output, input) = (path.display(), input.display());
+            return Err(Failure::usage(format!(
+                "the output {output} would overwrite {input}; give it a file of its own"
+            )));
+        }
+    }
+    Ok(())
+}
+
+/// Say whether two names lead to one regular file: also through links, and where the file does not exist yet.
+pub fn same_file(a: &Path, b: &Path) -> bool {
+    let whole = |path: &Path| -> Option<PathBuf> {
+        if let Ok(path) = path.canonicalize() {
+            return path.is_file().then_some(path);
+        }
+        let parent = path.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        Some(parent.canonicalize().ok()?.join(path.file_name()?))
+    };
+    match (whole(a), whole(b)) {
+        (Some(a), Some(b)) => a == b || hard_link(&a, &b),
+        _ => false,
+    }
+}
+
+#[cfg(unix)]
+fn hard_link(a: &Path, b: &Path) -> bool {
+    use std::os::unix::fs::MetadataExt;
+    let number = |path: &Path| path.metadata().ok().map(|data| (data.dev(), data.ino()));
+    matches!((number(a), number(b)), (Some(a), Some(b)) if a == b)
+}
+
+#[cfg(not(unix))]
+fn hard_link(_: &Path, _: &Path) -> bool {
+    false
 }
 
 /// Check that a file can be written, without touching one that is there and without leaving a new one.

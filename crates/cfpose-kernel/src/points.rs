@@ -319,9 +319,15 @@ impl Points {
     /// # Errors
     /// [`PointsError::TooFew`].
     pub fn require_spread(&self, needed: usize) -> Result<(), PointsError> {
-        let first = self.point(0);
-        let all_equal = (1..self.len).all(|k| self.point(k) == first);
-        let found = if all_equal { 1 } else { self.len };
+        // A point without weight is not there.
+        let mut counted = (0..self.len).filter(|k| self.weights[*k] > 0.0);
+        let first = counted.next().map(|k| self.point(k));
+        let (mut others, mut all_equal) = (0, true);
+        for k in counted {
+            others += 1;
+            all_equal = all_equal && Some(self.point(k)) == first;
+        }
+        let found = if all_equal { usize::from(first.is_some()) } else { others + 1 };
         if found < needed { Err(PointsError::TooFew { found, needed }) } else { Ok(()) }
     }
 }

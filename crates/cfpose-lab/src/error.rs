@@ -139,6 +139,55 @@ pub enum LabError {
         /// Instruction set that was found.
         found: String,
     },
+    /// Another run writes the record file.
+    #[error(
+        "{}: another run is writing here{}; wait for it, or take another --shard or folder",
+        path.display(),
+        process_number(.process)
+    )]
+    Busy {
+        /// The record file.
+        path: PathBuf,
+        /// Number of the other process, empty where it is not known.
+        process: String,
+    },
+    /// Records of different versions of the program.
+    #[error(
+        "{}: holds records of version {found} beside {expected}; compute all with one version, or choose another folder",
+        path.display()
+    )]
+    MixedVersions {
+        /// File or folder.
+        path: PathBuf,
+        /// Version of the others, or of this program.
+        expected: String,
+        /// Version that was found.
+        found: String,
+    },
+    /// Records that were computed from other data files.
+    #[error(
+        "{}: line {line}: scenario {place}: computed from other data ({found} instead of {expected}); bring the old file back, \
+         or choose another folder",
+        path.display()
+    )]
+    MixedData {
+        /// File of records.
+        path: PathBuf,
+        /// Line, from 1.
+        line: usize,
+        /// Which cell.
+        place: String,
+        /// Files and hashes that are there now, or of the other records.
+        expected: String,
+        /// Files and hashes of the record.
+        found: String,
+    },
+    /// A key that no trial of the experiment has.
+    #[error("no trial of this experiment has the key `{key}`; keys stand in results.csv, 16 hexadecimal digits each")]
+    NoTrial {
+        /// What the user wrote.
+        key: String,
+    },
     /// A record that cannot be read or contradicts another.
     #[error("{}: line {line}: {problem}", path.display())]
     Record {
@@ -179,18 +228,23 @@ impl LabError {
     /// Programs give it exit code 2, everything else 3.
     pub fn is_usage(&self) -> bool {
         if let LabError::Scenario { problem, .. } = self {
-            return !matches!(**problem, ScenarioError::File(_));
+            return !matches!(**problem, ScenarioError::File(_) | ScenarioError::Panicked(_));
         }
         !matches!(
             self,
             LabError::Io { .. }
                 | LabError::Record { .. }
+                | LabError::MixedData { .. }
                 | LabError::Toml { .. }
                 | LabError::NoExperiment { .. }
                 | LabError::Plot { .. }
                 | LabError::Threads { .. }
         )
     }
+}
+
+fn process_number(number: &str) -> String {
+    if number.is_empty() { String::new() } else { format!(" (process {number})") }
 }
 
 fn did_you_mean(suggestions: &[String]) -> String {

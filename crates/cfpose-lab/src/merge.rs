@@ -7,10 +7,13 @@ use serde_json::json;
 
 use crate::config::Experiment;
 use crate::error::LabError;
-use crate::folder::{EXPERIMENT, TRIALS, lines_of, read_records, read_text, record_files, result_folders, write_whole};
+use crate::folder::lock::FolderLock;
+use crate::folder::{
+    EXPERIMENT, RECORDS, earlier, lines_of, read_text, record_files, records_if_there, result_folders, write_whole,
+};
 use crate::lab::Lab;
 use crate::plan::Plan;
-use crate::record::Record;
+use crate::record::{DataHashes, Record, VERSION};
 use crate::report;
 use crate::summary::{SummaryRow, summarise};
 use crate::table;
@@ -52,16 +55,31 @@ pub(crate) struct Collected {
     pub experiment: Experiment,
     pub plan: Plan,
     pub fingerprint: String,
-    /// By cell, method, repetition.
+    /// By cell, method, repetition; those of earlier, smaller experiments carry the fingerprint of this one.
     pub records: Vec<Record>,
+    /// File and line of each record.
+    pub origins: Vec<Origin>,
     pub isa: Option<String>,
+    pub version: Option<String>,
     pub files: Vec<(PathBuf, usize)>,
+}
+
+/// Where a record stands.
+#[derive(Debug, Clone)]
+pub(crate) struct Origin {
+    /// Index of the file in [`Collected::files`].
+    pub file: usize,
+    /// Line, from 1.
+    pub line: usize,
+    /// Cell of the record.
+    pub cell: usize,
 }
 
 /// Read all records of a folder and its direct sub-folders.
 ///
 /// # Errors
-/// [`LabError`] for no experiment, several experiments, several instruction sets, or records that contradict each other.
+/// [`LabError`] for no experiment, several experiments, instruction sets, versions or states of a data file, records that
+/// contradict each other or their checksums.
 pub(crate) fn collect(lab: &Lab, folder: &Path) -> Result<Collected, LabError> {
     let folders = result_folders(folder)?;
     let first = folders.first().ok_or_else(|| LabError::NoExperiment { path: folder.to_path_buf() })?;
@@ -72,30 +90,101 @@ pub(crate) fn collect(lab: &Lab, folder: &Path) -> Result<Collected, LabError> {
         same_experiment(&path, &fingerprint, &Experiment::load(lab, &path)?.fingerprint())?;
     }
     let plan = Plan::new(lab, &experiment)?;
-    let mut places: BTreeMap<(String, String), (usize, usize, usize)> = BTreeMap::new();
+    let mut reader = Reader { fingerprint: &fingerprint, places: places(&plan), ..Reader::default() };
+    for folder in &folders {
+        let earlier = earlier(folder)?;
+        for path in record_files(folder)? {
+            reader.read(path, &earlier)?;
+        }
+    }
+    if let Some(damage) = reader.damage {
+        return Err(damage);
+    }
+    let (origins, records) = reader.sorted.into_values().unzip();
+    let Reader { isa, version, files, .. } = reader;
+    let collected =
+        Collected { plan, records, origins, isa, version, files, fingerprint: fingerprint.clone(), experiment };
+    collected.same_data(&BTreeMap::new())?;
+    Ok(collected)
+}
+
+type Place = (usize, usize, usize);
+
+/// Return cell, method and repetition of every record that the plan holds.
+fn places(plan: &Plan) -> BTreeMap<(String, String), Place> {
+    let mut places = BTreeMap::new();
     for trial in &plan.trials {
         for (m, method) in plan.methods.iter().enumerate() {
             places.insert((format!("{:016x}", trial.key), method.clone()), (trial.cell, m, trial.repetition));
         }
     }
-    let mut sorted: BTreeMap<(usize, usize, usize), Record> = BTreeMap::new();
-    let (mut isa, mut files): (Option<String>, _) = (None, Vec::new());
-    for path in folders.iter().map(|folder| record_files(folder)).collect::<Result<Vec<_>, _>>()?.concat() {
-        let records = read_records(&path)?;
-        files.push((path.clone(), records.len()));
-        for (line, record) in records {
-            same_experiment(&path, &fingerprint, &record.experiment)?;
-            same_isa(&path, isa.get_or_insert_with(|| record.isa.clone()), &record.isa)?;
+    places
+}
+
+/// Reads record files one after the other.
+#[derive(Default)]
+struct Reader<'a> {
+    fingerprint: &'a str,
+    places: BTreeMap<(String, String), Place>,
+    sorted: BTreeMap<Place, (Origin, Record)>,
+    isa: Option<String>,
+    version: Option<String>,
+    files: Vec<(PathBuf, usize)>,
+    /// The first record that is not as it was written; told when nothing else is wrong, for the other errors say more.
+    damage: Option<LabError>,
+}
+
+impl Reader<'_> {
+    fn read(&mut self, path: PathBuf, earlier: &[String]) -> Result<(), LabError> {
+        let records = records_if_there(&path)?;
+        let file = self.files.len();
+        self.files.push((path.clone(), records.len()));
+        for (line, mut record) in records {
             let wrong = |problem: &str| LabError::Record { path: path.clone(), line, problem: problem.to_string() };
-            let place = places.get(&record.identity()).ok_or_else(|| wrong("the trial is not in the experiment"))?;
-            if sorted.get(place).is_some_and(|other| !other.same_result(&record)) {
+            let whole = record.is_whole();
+            if earlier.contains(&record.experiment) {
+                record.experiment = self.fingerprint.to_string();
+                record.seal();
+            }
+            same_experiment(&path, self.fingerprint, &record.experiment)?;
+            same_isa(&path, self.isa.get_or_insert_with(|| record.isa.clone()), &record.isa)?;
+            same_version(&path, self.version.get_or_insert_with(|| record.version.clone()), &record.version)?;
+            let place =
+                *self.places.get(&record.identity()).ok_or_else(|| wrong("the trial is not in the experiment"))?;
+            if self.sorted.get(&place).is_some_and(|(_, other)| !other.same_result(&record)) {
                 return Err(wrong("contradicts another record of the same trial and method"));
             }
-            sorted.entry(*place).or_insert(record);
+            if !whole && self.damage.is_none() {
+                self.damage =
+                    Some(wrong("the record does not match its checksum; take the line out and resume the run"));
+            }
+            self.sorted.entry(place).or_insert((Origin { file, line, cell: place.0 }, record));
         }
+        Ok(())
     }
-    let records = sorted.into_values().collect();
-    Ok(Collected { experiment, plan, fingerprint, records, isa, files })
+}
+
+impl Collected {
+    /// Refuse records that were computed from other data than those given for their cell, or than the first record of the cell.
+    pub(crate) fn same_data(&self, given: &BTreeMap<usize, DataHashes>) -> Result<(), LabError> {
+        let mut expected = given.clone();
+        for (origin, record) in self.origins.iter().zip(&self.records) {
+            let expected = expected.entry(origin.cell).or_insert_with(|| record.data.clone());
+            // Older programs wrote no hashes.
+            if *expected != record.data && !record.version.is_empty() {
+                let list =
+                    |data: &DataHashes| data.iter().map(|(name, hash)| format!("{name} {hash}")).collect::<Vec<_>>();
+                return Err(LabError::MixedData {
+                    path: self.files[origin.file].0.clone(),
+                    line: origin.line,
+                    place: self.plan.cells[origin.cell].label(),
+                    expected: list(expected).join(", "),
+                    found: list(&record.data).join(", "),
+                });
+            }
+        }
+        Ok(())
+    }
 }
 
 pub(crate) fn same_experiment(path: &Path, expected: &str, found: &str) -> Result<(), LabError> {
@@ -114,20 +203,41 @@ pub(crate) fn same_isa(path: &Path, expected: &str, found: &str) -> Result<(), L
     Err(LabError::MixedIsa { path: path.to_path_buf(), expected, found })
 }
 
+pub(crate) fn same_version(path: &Path, expected: &str, found: &str) -> Result<(), LabError> {
+    if expected == found {
+        return Ok(());
+    }
+    let name = |version: &str| if version.is_empty() { "before 0.1.0" } else { version }.to_string();
+    Err(LabError::MixedVersions { path: path.to_path_buf(), expected: name(expected), found: name(found) })
+}
+
 /// Merge all records of a folder and its direct sub-folders (one per machine) and write the tables into it.
 ///
-/// Merging again gives the same files, byte for byte. An incomplete run is merged as far as it is there.
+/// Merging again gives the same files, byte for byte. An incomplete run is merged as far as it is there, also while it computes: no
+/// record file is written.
 ///
 /// # Errors
-/// [`LabError`] for no experiment, mixed experiments or instruction sets, contradicting records, files that cannot be
-/// read or written.
+/// [`LabError`] for no experiment, mixed experiments, instruction sets, versions or data, contradicting or damaged records, files
+/// that cannot be read or written.
 pub fn merge(lab: &Lab, folder: &Path) -> Result<Merged, LabError> {
-    let collected = collect(lab, folder)?;
+    if result_folders(folder)?.is_empty() {
+        return Err(LabError::NoExperiment { path: folder.to_path_buf() });
+    }
+    let lock = FolderLock::wait(folder)?;
+    write_tables(folder, collect(lab, folder)?, &lock)
+}
+
+/// Write the tables of records. The lock is held since before the records were read: whoever writes later has read more.
+pub(crate) fn write_tables(folder: &Path, collected: Collected, _lock: &FolderLock) -> Result<Merged, LabError> {
     let rows = summarise(&collected.plan, &collected.records);
-    let write = |name: &str, text: &str| write_whole(&folder.join(name), text);
-    write(EXPERIMENT, &collected.experiment.to_toml())?;
-    write(TRIALS, &lines_of(collected.records.iter()))?;
-    write("manifest.json", &pretty(&manifest(&collected)))?;
+    let mut files = Vec::new();
+    let mut write = |name: &'static str, text: &str| {
+        files.push(name);
+        write_whole(&folder.join(name), text)
+    };
+    if collected.files.len() > 1 {
+        write(RECORDS, &lines_of(collected.records.iter()))?;
+    }
     write("results.csv", &report::results_csv(&collected.records))?;
     write("timings.csv", &report::timings_csv(&collected.records))?;
     write("summary.json", &pretty(&json!(rows)))?;
@@ -136,6 +246,8 @@ pub fn merge(lab: &Lab, folder: &Path) -> Result<Merged, LabError> {
         "report.html",
         &report::html(&collected.experiment, &rows, collected.records.len(), collected.plan.num_records()),
     )?;
+    // Last: a manifest says that the other files are there.
+    write_whole(&folder.join("manifest.json"), &pretty(&manifest(&collected, &files)))?;
     Ok(Merged {
         experiment: collected.experiment,
         rows,
@@ -156,12 +268,14 @@ fn pretty(value: &serde_json::Value) -> String {
 }
 
 /// What produced the results; no clock, so that merging again gives the same bytes.
-fn manifest(collected: &Collected) -> serde_json::Value {
-    let Collected { experiment, plan, fingerprint, records, isa, .. } = collected;
+fn manifest(collected: &Collected, files: &[&str]) -> serde_json::Value {
+    let Collected { experiment, plan, fingerprint, records, isa, version, .. } = collected;
+    let mut data = DataHashes::new();
+    records.iter().for_each(|record| data.extend(record.data.clone()));
     json!({
         "schema": "cfpose.run/1",
         "program": "cfpose",
-        "version": env!("CARGO_PKG_VERSION"),
+        "version": version.as_deref().filter(|version| !version.is_empty()).unwrap_or(VERSION),
         "experiment": fingerprint,
         "seed": experiment.seed,
         "isa": isa,
@@ -172,7 +286,8 @@ fn manifest(collected: &Collected) -> serde_json::Value {
         "records": records.len(),
         "expected": plan.num_records(),
         "complete": records.len() == plan.num_records(),
-        "files": ["experiment.toml", "trials.jsonl", "results.csv", "timings.csv", "summary.json", "tables.md", "report.html"],
+        "data": data,
+        "files": files,
     })
 }
 

@@ -1,10 +1,13 @@
-//! Figures as SVG text: point sets before and after an estimate.
+//! Figures as SVG text or PNG: point sets before and after an estimate, residuals.
 
-use cfpose::{Estimator, Points};
-use cfpose_optim::Manifold;
+mod font;
+mod moved;
+mod raster;
+
 use plotters::prelude::*;
 
 use crate::error::LabError;
+pub use moved::{ellipses, image_coordinates, of_estimate, panels, seen_from_above};
 
 /// One panel: two sets of points in the plane.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -17,6 +20,12 @@ pub struct Panel {
     pub target: Vec<[f64; 2]>,
     /// Error ellipses of some moved points.
     pub ellipses: Vec<Ellipse>,
+    /// Lines from one point to another: what is left between moved points and their partners.
+    pub lines: Vec<[[f64; 2]; 2]>,
+    /// Whether the panel has axes of its own; the others share theirs.
+    pub own_axes: bool,
+    /// What the moved points and the target are called in this panel.
+    pub labels: Option<[String; 2]>,
 }
 
 /// Where a moved point may be: the covariance of theta, carried over to the point.
@@ -56,81 +65,9 @@ const PANEL: u32 = 420;
 const HEIGHT: u32 = PANEL + 37;
 const MOVED: RGBColor = RGBColor(214, 90, 49);
 const ELLIPSE: RGBColor = RGBColor(20, 20, 20);
-/// Ellipses of a panel.
-const NUM_ELLIPSES: usize = 12;
 /// Half width that the largest ellipse is enlarged to, at most, as a share of the figure.
 const ELLIPSE_SHARE: f64 = 0.1;
 const TARGET: RGBColor = RGBColor(44, 92, 138);
-
-/// Return the image coordinates (x / z, y / z) of points in 3-D, points at depth <= 0 left out; the first two coordinates
-/// of points in the plane.
-pub fn image_coordinates(points: &Points) -> Vec<[f64; 2]> {
-    let all = (0..points.len()).map(|k| points.point(k));
-    if points.dim() < 3 {
-        return all.map(|[x, y, _]| [x, y]).collect();
-    }
-    all.filter(|p| p[2] > 0.0).map(|[x, y, z]| [x / z, y / z]).collect()
-}
-
-/// Return the first two coordinates: points in 3-D seen along z.
-pub fn seen_from_above(points: &Points) -> Vec<[f64; 2]> {
-    (0..points.len()).map(|k| points.point(k)).map(|[x, y, _]| [x, y]).collect()
-}
-
-/// Return the error ellipses of evenly chosen source points: C = J Sigma J', J the derivative of the point in the figure with
-/// respect to the tangent coordinates at theta (by central differences), Sigma their covariance (tangent x tangent, row by
-/// row; all coordinates free). None for a covariance of other coordinates.
-///
-/// # Errors
-/// [`cfpose::Error`] when a mapped point is not finite.
-pub fn ellipses(estimator: &Estimator, theta: &[f64], covariance: &[f64]) -> Result<Vec<Ellipse>, cfpose::Error> {
-    let manifold = estimator.model().layout.manifold();
-    let m = manifold.tangent();
-    if covariance.len() != m * m {
-        return Ok(Vec::new());
-    }
-    let projects = projects(estimator);
-    let map = |theta: &[f64]| -> Result<Vec<Option<[f64; 2]>>, cfpose::Error> {
-        let moved = estimator.mapped_source(theta)?;
-        let chosen = (0..moved.len()).step_by(moved.len().div_ceil(NUM_ELLIPSES).max(1));
-        let flat = |[x, y, z]: [f64; 3]| {
-            let image = projects && moved.dim() == 3;
-            if image { (z > 0.0).then(|| [x / z, y / z]) } else { Some([x, y]) }
-        };
-        Ok(chosen.map(|k| flat(moved.point(k))).collect())
-    };
-    let centres = map(theta)?;
-    let mut slopes = Vec::new();
-    for j in 0..m {
-        let mut sides = [Vec::new(), Vec::new()];
-        for (side, sign) in sides.iter_mut().zip([1.0, -1.0]) {
-            let (mut step, mut moved) = (vec![0.0; m], theta.to_vec());
-            step[j] = sign * DIFFERENCE;
-            manifold.retract(theta, &step, &mut moved);
-            *side = map(&moved)?;
-        }
-        slopes.push(sides);
-    }
-    let slope = |k: usize, j: usize| -> Option<[f64; 2]> {
-        let (after, before) = (slopes[j][0][k]?, slopes[j][1][k]?);
-        Some([0, 1].map(|d| (after[d] - before[d]) / (2.0 * DIFFERENCE)))
-    };
-    let ellipse = |(k, centre): (usize, &Option<[f64; 2]>)| {
-        let rows: Option<Vec<[f64; 2]>> = (0..m).map(|j| slope(k, j)).collect();
-        let (rows, centre) = (rows?, (*centre)?);
-        let entry = |a: usize, b: usize| -> f64 {
-            (0..m).map(|i| (0..m).map(|j| rows[i][a] * covariance[i * m + j] * rows[j][b]).sum::<f64>()).sum()
-        };
-        let xx = entry(0, 0).sqrt();
-        let yx = if xx > 0.0 { entry(1, 0) / xx } else { 0.0 };
-        let root = [xx, yx, (entry(1, 1) - yx * yx).max(0.0).sqrt()];
-        root.iter().all(|value| value.is_finite()).then_some(Ellipse { centre, root })
-    };
-    Ok(centres.iter().enumerate().filter_map(ellipse).collect())
-}
-
-/// Step of the central differences, in tangent coordinates.
-const DIFFERENCE: f64 = 1e-5;
 
 /// Return the number of 1, 2, 5, 10, 20, ... by which the ellipses of panels are enlarged to be seen; 1 where they are large.
 ///
@@ -155,26 +92,6 @@ pub fn enlargement(panels: &[Panel]) -> f64 {
     factor
 }
 
-/// Say whether the model maps points to rays or to an image.
-fn projects(estimator: &Estimator) -> bool {
-    !estimator.model().source.factored().is_some_and(|facts| facts.identity_projection)
-}
-
-/// Make one panel per theta (ambient): where the model puts the source, over the target.
-///
-/// Motions of points in 3-D are seen along z, models that project (to rays, to an image) in the image plane.
-///
-/// # Errors
-/// [`cfpose::Error`] when a mapped point is not finite.
-pub fn panels(estimator: &Estimator, thetas: &[(&str, &[f64])]) -> Result<Vec<Panel>, cfpose::Error> {
-    let flat = if projects(estimator) { image_coordinates } else { seen_from_above };
-    let panel = |(title, theta): &(&str, &[f64])| {
-        let (moved, target) = estimator.mapped(theta)?;
-        Ok(Panel { title: (*title).to_string(), moved: flat(&moved), target: flat(&target), ..Panel::default() })
-    };
-    thetas.iter().map(panel).collect()
-}
-
 /// Draw panels side by side, all with the same axes and equal units in x and y; returns the text of an SVG file.
 ///
 /// ```
@@ -188,12 +105,48 @@ pub fn panels(estimator: &Estimator, thetas: &[(&str, &[f64])]) -> Result<Vec<Pa
 /// [`LabError::Plot`] when there is nothing finite to draw.
 pub fn overlay(title: &str, panels: &[Panel]) -> Result<String, LabError> {
     let failure = |problem: String| LabError::Plot { figure: title.to_string(), problem };
-    let bounds = bounds(panels).ok_or_else(|| failure("there are no finite points".to_string()))?;
-    let half = bounds.iter().map(|(low, high)| high - low).fold(1e-9, f64::max) * 0.55;
-    let ranges = bounds.map(|(low, high)| (0.5 * (low + high) - half)..(0.5 * (low + high) + half));
+    let ranges = ranges(panels).ok_or_else(|| failure("there are no finite points".to_string()))?;
     let mut svg = String::new();
-    draw(&mut svg, title, panels, &ranges).map_err(failure)?;
+    draw(SVGBackend::with_string(&mut svg, size(panels)), title, panels, &ranges).map_err(failure)?;
     Ok(svg)
+}
+
+/// Draw panels as [`overlay`] does; returns the bytes of a PNG file.
+///
+/// ```
+/// use cfpose_lab::plot::{Panel, overlay_png};
+/// let panel = Panel { title: "before".into(), moved: vec![[0.0, 0.0]], target: vec![[1.0, 1.0]], ..Panel::default() };
+/// assert!(overlay_png("two points", &[panel]).unwrap().starts_with(b"\x89PNG"));
+/// ```
+///
+/// # Errors
+/// As [`overlay`].
+pub fn overlay_png(title: &str, panels: &[Panel]) -> Result<Vec<u8>, LabError> {
+    let failure = |problem: String| LabError::Plot { figure: title.to_string(), problem };
+    let ranges = ranges(panels).ok_or_else(|| failure("there are no finite points".to_string()))?;
+    let mut raster = raster::Raster::new(size(panels));
+    draw(&mut raster, title, panels, &ranges).map_err(failure)?;
+    raster.png().map_err(failure)
+}
+
+/// Ranges of x and y.
+type Ranges = [std::ops::Range<f64>; 2];
+
+/// Return the ranges of every panel, of equal length in x and y; none without a finite point.
+fn ranges(panels: &[Panel]) -> Option<Vec<Ranges>> {
+    let square = |panels: &[Panel]| {
+        let bounds = bounds(panels)?;
+        let half = bounds.iter().map(|(low, high)| high - low).fold(1e-9, f64::max) * 0.55;
+        Some(bounds.map(|(low, high)| (0.5 * (low + high) - half)..(0.5 * (low + high) + half)))
+    };
+    let shared: Vec<Panel> = panels.iter().filter(|panel| !panel.own_axes).cloned().collect();
+    let all = square(&shared).or_else(|| square(panels))?;
+    let own = |panel: &Panel| if panel.own_axes { square(std::slice::from_ref(panel)) } else { None };
+    Some(panels.iter().map(|panel| own(panel).unwrap_or_else(|| all.clone())).collect())
+}
+
+fn size(panels: &[Panel]) -> (u32, u32) {
+    (PANEL * u32::try_from(panels.len()).unwrap_or(1), HEIGHT)
 }
 
 /// Return the least and largest coordinates over all panels; none without a finite point.
@@ -206,13 +159,12 @@ fn bounds(panels: &[Panel]) -> Option<[(f64, f64); 2]> {
     (!finite.is_empty()).then(|| [range(0), range(1)])
 }
 
-fn draw(svg: &mut String, title: &str, panels: &[Panel], ranges: &[std::ops::Range<f64>; 2]) -> Result<(), String> {
-    let width = PANEL * u32::try_from(panels.len()).unwrap_or(1);
-    let area = SVGBackend::with_string(svg, (width, HEIGHT)).into_drawing_area();
-    let text = |e: DrawingAreaErrorKind<std::io::Error>| e.to_string();
+fn draw<B: DrawingBackend>(backend: B, title: &str, panels: &[Panel], ranges: &[Ranges]) -> Result<(), String> {
+    let area = backend.into_drawing_area();
+    let text = |e: DrawingAreaErrorKind<B::ErrorType>| e.to_string();
     area.fill(&WHITE).map_err(text)?;
     let area = area.titled(title, ("sans-serif", 20)).map_err(text)?;
-    for (panel, place) in panels.iter().zip(area.split_evenly((1, panels.len()))) {
+    for ((panel, place), ranges) in panels.iter().zip(area.split_evenly((1, panels.len()))).zip(ranges) {
         let mut chart = ChartBuilder::on(&place)
             .caption(&panel.title, ("sans-serif", 15))
             .margin(8)
@@ -221,7 +173,12 @@ fn draw(svg: &mut String, title: &str, panels: &[Panel], ranges: &[std::ops::Ran
             .build_cartesian_2d(ranges[0].clone(), ranges[1].clone())
             .map_err(text)?;
         chart.configure_mesh().x_labels(5).y_labels(5).light_line_style(WHITE).draw().map_err(text)?;
-        for (label, set, colour, radius) in [("target", &panel.target, TARGET, 3), ("moved", &panel.moved, MOVED, 1)] {
+        let lines = thinned_lines(&panel.lines);
+        let lines =
+            lines.map(|[from, to]| PathElement::new(vec![(from[0], from[1]), (to[0], to[1])], ELLIPSE.mix(0.4)));
+        chart.draw_series(lines).map_err(text)?;
+        let [moved, target] = panel.labels.clone().unwrap_or(["moved".to_string(), "target".to_string()]);
+        for (label, set, colour, radius) in [(target, &panel.target, TARGET, 3), (moved, &panel.moved, MOVED, 1)] {
             let dots = thinned(set).map(|p| Circle::new((p[0], p[1]), radius, colour.mix(0.7).filled()));
             chart
                 .draw_series(dots)
@@ -250,6 +207,11 @@ fn draw(svg: &mut String, title: &str, panels: &[Panel], ranges: &[std::ops::Ran
             .map_err(text)?;
     }
     area.present().map_err(text)
+}
+
+fn thinned_lines(lines: &[[[f64; 2]; 2]]) -> impl Iterator<Item = &[[f64; 2]; 2]> {
+    let finite = |line: &&[[f64; 2]; 2]| line.as_flattened().iter().all(|x| x.is_finite());
+    lines.iter().step_by(lines.len().div_ceil(MAX_DRAWN).max(1)).filter(finite)
 }
 
 fn thinned(points: &[[f64; 2]]) -> impl Iterator<Item = &[f64; 2]> {

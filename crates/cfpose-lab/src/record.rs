@@ -1,7 +1,17 @@
 //! One record: what one method did in one trial.
 
+use std::collections::BTreeMap;
+
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
+
+use crate::seed::fnv1a;
+
+/// [`fnv1a`] of files in 16 hexadecimal digits, by the name of the file without its folder; files of one name are joined by `+`.
+pub type DataHashes = BTreeMap<String, String>;
+
+/// The version that records carry.
+pub const VERSION: &str = env!("CARGO_PKG_VERSION");
 
 /// One line of `trials.jsonl`.
 ///
@@ -84,6 +94,15 @@ pub struct Record {
     pub isa: String,
     /// Wall-clock seconds of preparing and solving.
     pub seconds: f64,
+    /// Hash of every file that the scenario read, by name.
+    #[serde(skip_serializing_if = "DataHashes::is_empty", default)]
+    pub data: DataHashes,
+    /// Version of the program that computed the record; empty in records of programs that wrote none.
+    #[serde(default)]
+    pub version: String,
+    /// [`fnv1a`] of the record as a line of JSON with this field empty, 16 hexadecimal digits.
+    #[serde(default)]
+    pub checksum: String,
 }
 
 fn is_true(value: &bool) -> bool {
@@ -102,7 +121,24 @@ impl Record {
 
     /// Say whether two records agree in everything but the time.
     pub fn same_result(&self, other: &Record) -> bool {
-        Record { seconds: 0.0, ..self.clone() } == Record { seconds: 0.0, ..other.clone() }
+        let result = |record: &Record| Record { seconds: 0.0, checksum: String::new(), ..record.clone() };
+        result(self) == result(other)
+    }
+
+    /// Compute the checksum of the record as it is.
+    fn sum(&self) -> String {
+        let bare = Record { checksum: String::new(), ..self.clone() };
+        format!("{:016x}", fnv1a(serde_json::to_string(&bare).unwrap_or_default().as_bytes()))
+    }
+
+    /// Write the checksum into the record.
+    pub fn seal(&mut self) {
+        self.checksum = self.sum();
+    }
+
+    /// Say whether the record is as it was sealed; records of programs that wrote no checksum count as whole.
+    pub fn is_whole(&self) -> bool {
+        (self.version.is_empty() && self.checksum.is_empty()) || self.checksum == self.sum()
     }
 
     /// Return what identifies the record in its experiment.

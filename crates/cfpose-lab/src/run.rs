@@ -1,22 +1,29 @@
 //! Computing an experiment: trials over threads, records into a folder.
 
-use std::collections::BTreeSet;
-use std::path::PathBuf;
+mod desk;
+mod replay;
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError};
 
 use cfpose::{Execution, Isa};
 
 use crate::config::Experiment;
+use crate::data;
 use crate::error::LabError;
+use crate::folder::lock::FolderLock;
 use crate::folder::{self, Appender, EXPERIMENT, lines_of, trials_name, write_whole};
 use crate::lab::Lab;
-use crate::merge::{Merged, collect, merge, same_experiment, same_isa};
+use crate::merge::{Merged, collect, write_tables};
 use crate::method::Method;
 use crate::plan::{Cell, Plan, PlannedTrial, Shard};
 use crate::record::Record;
 use crate::scenario::{Scenario, ScenarioError};
 use crate::trial::Bench;
+use desk::{Claim, Desk};
+pub use replay::{Replay, replay};
 
 /// How far a run is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -75,6 +82,8 @@ pub struct RunReport {
     pub records: usize,
     /// Records of a complete run.
     pub expected: usize,
+    /// Records of the shard that are not there: the run was cancelled, or something else took them away.
+    pub missing: usize,
     /// Whether the run was cancelled.
     pub cancelled: bool,
     /// The tables, written because the folder holds all trials.
@@ -84,7 +93,7 @@ pub struct RunReport {
 /// Compute an experiment, or the rest of it, into a folder.
 ///
 /// Each trial's data depend on the experiment's seed and the trial alone; records are the same for any number of threads
-/// and shards. When the folder holds all trials the tables are written, as by [`merge`].
+/// and shards. When the folder holds all trials the tables are written, as by [`crate::merge()`].
 ///
 /// ```
 /// use cfpose_lab::{Experiment, Lab, RunOptions, run};
@@ -96,28 +105,34 @@ pub struct RunReport {
 /// assert_eq!((report.computed, report.merged.unwrap().rows[0].trials), (2, 2));
 /// ```
 ///
+/// One run writes a record file at a time; other shards, [`crate::merge()`] and [`crate::status`] may work in the folder meanwhile. With
+/// `resume` the experiment may have grown since ([`crate::growth::grows`]): the records that are there stay.
+///
 /// # Errors
-/// [`LabError`] when the folder belongs to another experiment or instruction set, holds records and `resume` is off, or
-/// cannot be written.
+/// [`LabError`] when the folder belongs to another experiment, instruction set, version or other data, holds records and `resume`
+/// is off, another run computes the same shard, or the folder cannot be written.
 pub fn run(lab: &Lab, experiment: &Experiment, options: &RunOptions<'_>) -> Result<RunReport, LabError> {
     let fingerprint = experiment.fingerprint();
-    let done = look_into_folder(lab, experiment, &fingerprint, options)?;
     let plan = Plan::new(lab, experiment)?;
+    let desk = Desk { lab, experiment, fingerprint: &fingerprint, plan: &plan, options };
+    // Nothing is written before it is known that the run can work.
+    let done = desk.look(None)?;
     let scenarios = load_scenarios(lab, experiment, &plan)?;
+    let data = data::hashes(&scenarios)?;
     let trials = plan.shard(options.shard);
-    let jobs = jobs(experiment, &trials, &done);
-    let missing: usize = jobs.iter().map(|job| job.methods.len()).sum();
-    let total = trials.len() * plan.methods.len();
     let bench = Bench {
         lab,
         experiment,
         fingerprint: &fingerprint,
         execution: Execution { isa: options.isa, pool: None },
         cancel: options.cancel,
+        data: &data,
     };
-    probe(&bench, &plan, &scenarios, &jobs)?;
-    claim_folder(experiment, options)?;
-    let path = options.out.join(trials_name(options.shard));
+    probe(&bench, &plan, &scenarios, &jobs(experiment, &trials, &done))?;
+    let Claim { appender, lock, done } = desk.claim(&data)?;
+    let jobs = jobs(experiment, &trials, &done);
+    let missing: usize = jobs.iter().map(|job| job.methods.len()).sum();
+    let total = trials.len() * plan.methods.len();
     let work = Work {
         bench: &bench,
         plan: &plan,
@@ -127,33 +142,39 @@ pub fn run(lab: &Lab, experiment: &Experiment, options: &RunOptions<'_>) -> Resu
         stop: AtomicBool::new(false),
         options,
         state: Mutex::new(State {
-            appender: Appender::open(&path)?,
+            appender,
             progress: Progress { done: total - missing, total, successes: 0, computed: 0 },
             failure: None,
         }),
     };
-    let threads = options.threads.max(1);
+    // More threads than trials would only wait.
+    let threads = options.threads.clamp(1, jobs.len().max(1));
     let pool = rayon::ThreadPoolBuilder::new()
         .num_threads(threads)
         .build()
         .map_err(|problem| LabError::Threads { threads, problem: problem.to_string() })?;
     pool.broadcast(|_| work.take_jobs());
     let state = work.state.into_inner().unwrap_or_else(PoisonError::into_inner);
+    let folder_lock = FolderLock::wait(&options.out)?;
+    state.appender.close()?;
     if let Some(failure) = state.failure {
         return Err(failure);
     }
     let there = collect(lab, &options.out)?;
-    let complete = there.records.len() == plan.num_records();
-    if !complete {
-        sort_file(&path, &there.records)?;
-    }
+    sort_file(&options.out.join(trials_name(options.shard)), &there.records)?;
+    lock.release();
+    let found: BTreeSet<(String, String)> = there.records.iter().map(Record::identity).collect();
+    let mine = self::jobs(experiment, &trials, &found);
+    let (records, expected) = (there.records.len(), there.plan.num_records());
+    let cancelled = state.progress.done < total;
     Ok(RunReport {
         computed: state.progress.computed,
         resumed: total - missing,
-        records: there.records.len(),
-        expected: plan.num_records(),
-        cancelled: state.progress.done < total,
-        merged: if complete { Some(merge(lab, &options.out)?) } else { None },
+        records,
+        expected,
+        missing: mine.iter().map(|job| job.methods.len()).sum(),
+        cancelled,
+        merged: if records == expected { Some(write_tables(&options.out, there, &folder_lock)?) } else { None },
     })
 }
 
@@ -170,39 +191,6 @@ fn jobs<'a>(experiment: &'a Experiment, trials: &[PlannedTrial], done: &BTreeSet
         Job { trial: *trial, methods: methods.collect() }
     };
     trials.iter().map(missing).filter(|job| !job.methods.is_empty()).collect()
-}
-
-/// Make the folder and say in it to which experiment it belongs.
-fn claim_folder(experiment: &Experiment, options: &RunOptions<'_>) -> Result<(), LabError> {
-    folder::make_folder(&options.out)?;
-    let path = options.out.join(EXPERIMENT);
-    if path.is_file() { Ok(()) } else { write_whole(&path, &experiment.to_toml()) }
-}
-
-/// Check that the folder may be used and return what is done already; nothing is written yet.
-fn look_into_folder(
-    lab: &Lab,
-    experiment: &Experiment,
-    fingerprint: &str,
-    options: &RunOptions<'_>,
-) -> Result<BTreeSet<(String, String)>, LabError> {
-    let path = options.out.join(EXPERIMENT);
-    if !path.is_file() {
-        return Ok(BTreeSet::new());
-    }
-    same_experiment(&path, fingerprint, &Experiment::load(lab, &path)?.fingerprint())?;
-    let there = collect(lab, &options.out)?;
-    if let Some(isa) = &there.isa {
-        same_isa(&options.out, isa, options.isa.name())?;
-    }
-    let positions = Plan::new(lab, experiment)?.shard(options.shard);
-    let mine: BTreeSet<String> = positions.iter().map(|trial| format!("{:016x}", trial.key)).collect();
-    let done: BTreeSet<(String, String)> =
-        there.records.iter().map(Record::identity).filter(|(key, _)| mine.contains(key)).collect();
-    if !done.is_empty() && !options.resume {
-        return Err(LabError::Occupied { path: options.out.clone(), records: done.len() });
-    }
-    Ok(done)
 }
 
 /// Build the scenario of every cell and read its files.
@@ -245,7 +233,8 @@ fn probe(bench: &Bench<'_>, plan: &Plan, scenarios: &[Box<dyn Scenario>], jobs: 
             let prepared = bench.prepare(scenarios[job.trial.cell].as_ref(), &trial, &job.trial, method);
             // A start strategy that does not apply is an error before the run too.
             match prepared.and_then(|estimator| estimator.starts()) {
-                Ok(_) | Err(cfpose::Error::Points { .. } | cfpose::Error::Normalise { .. }) => {}
+                Ok(_)
+                | Err(cfpose::Error::Points { .. } | cfpose::Error::Data { .. } | cfpose::Error::Normalise { .. }) => {}
                 Err(problem) => {
                     let place = format!("method `{}`, scenario {}", method.name, cell.label());
                     return Err(LabError::Inapplicable { place, problem: Box::new(problem) });
@@ -292,6 +281,9 @@ impl Work<'_> {
 
     fn keep(&self, records: &[Record]) {
         let mut state = self.state.lock().unwrap_or_else(PoisonError::into_inner);
+        if state.failure.is_some() {
+            return;
+        }
         if let Err(failure) = state.appender.append(records) {
             state.failure.get_or_insert(failure);
             self.stop.store(true, Ordering::Relaxed);
@@ -307,9 +299,20 @@ impl Work<'_> {
     }
 }
 
-/// Bring the records of a shard's file into the order of the plan.
-fn sort_file(path: &std::path::Path, sorted: &[Record]) -> Result<(), LabError> {
-    let mine: BTreeSet<(String, String)> =
-        folder::read_records(path)?.into_iter().map(|(_, record)| record.identity()).collect();
-    write_whole(path, &lines_of(sorted.iter().filter(|record| mine.contains(&record.identity()))))
+/// Bring the records of a shard's file into the order of the plan, all with the fingerprint of the experiment as it is now.
+fn sort_file(path: &Path, sorted: &[Record]) -> Result<(), LabError> {
+    let mut mine: BTreeMap<(String, String), Record> =
+        folder::records_if_there(path)?.into_iter().map(|(_, record)| (record.identity(), record)).collect();
+    if mine.is_empty() {
+        return Ok(());
+    }
+    let mut lines = Vec::new();
+    for record in sorted {
+        if let Some(mut own) = mine.remove(&record.identity()) {
+            own.experiment.clone_from(&record.experiment);
+            own.seal();
+            lines.push(own);
+        }
+    }
+    write_whole(path, &lines_of(lines.iter()))
 }

@@ -1,10 +1,10 @@
 //! What an author of a scenario writes: from parameters and a generator to one trial.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use cfpose::entry::{EntryError, NamedEntry, ParameterSpec, Parameters};
 use cfpose::theta::Layout;
-use cfpose::{Points, PointsError, Pose, PoseError};
+use cfpose::{Points, PointsError, Pose, PoseError, Side};
 use rand_chacha::ChaCha12Rng;
 
 /// Data of one trial and the truth about them.
@@ -95,14 +95,17 @@ pub enum ScenarioError {
     /// No valid point set came out.
     #[error("{side} points: {problem}")]
     Points {
-        /// `source` or `target`.
-        side: &'static str,
+        /// Which set.
+        side: Side,
         /// What is wrong.
         problem: PointsError,
     },
     /// A file that the parameters name cannot be used.
     #[error("{0}")]
     File(String),
+    /// The scenario's own code panicked.
+    #[error("its code panics: {0}")]
+    Panicked(String),
     /// The parameters do not describe a possible view.
     #[error("{0}")]
     Impossible(String),
@@ -122,6 +125,11 @@ pub trait Scenario: Send + Sync {
     /// [`ScenarioError::File`].
     fn load(&mut self, _folder: &Path) -> Result<(), ScenarioError> {
         Ok(())
+    }
+
+    /// Return the files that [`Scenario::load`] has read: their hashes stand in every record, and results of other data are refused.
+    fn files(&self) -> Vec<PathBuf> {
+        Vec::new()
     }
 
     /// Draw one trial. All randomness comes from `rng`, in the order that the scenario documents.

@@ -39,13 +39,19 @@ impl Source {
         }
     }
 
+    /// Find the file, in `folder`, then in the folder of real data.
+    pub(super) fn path(&self, folder: &Path) -> Option<PathBuf> {
+        let Source::File(name) = self else { return None };
+        [folder.join(name), data_folder().join(name)].into_iter().find(|path| path.is_file())
+    }
+
     /// Make the shape; a file is looked up in `folder`, then in the folder of real data.
     pub(crate) fn load(&self, folder: &Path) -> Result<Shape, ScenarioError> {
         match self {
             Source::Seed(seed) => Ok(Shape::Star(Star::new(*seed))),
             Source::File(name) => {
                 let data = data_folder();
-                let path = [folder.join(name), data.join(name)].into_iter().find(|path| path.is_file());
+                let path = self.path(folder);
                 let path = path.ok_or_else(|| {
                     let (name, data) = (name.display(), data.display());
                     ScenarioError::File(format!(

@@ -1,5 +1,7 @@
 //! One trial: data from its stream, every method on the same data.
 
+use std::any::Any;
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::AtomicBool;
 use std::time::{Duration, Instant};
 
@@ -13,7 +15,7 @@ use crate::config::Experiment;
 use crate::lab::Lab;
 use crate::method::Method;
 use crate::plan::{Cell, PlannedTrial};
-use crate::record::Record;
+use crate::record::{DataHashes, Record, VERSION};
 use crate::scenario::{Determined, Scenario, ScenarioError, Trial};
 use crate::seed::{data_stream, method_seed};
 use crate::value::json_of;
@@ -25,6 +27,8 @@ pub(crate) struct Bench<'a> {
     pub fingerprint: &'a str,
     pub execution: Execution,
     pub cancel: Option<&'a AtomicBool>,
+    /// Hashes of the files of every cell's scenario.
+    pub data: &'a [DataHashes],
 }
 
 impl Bench<'_> {
@@ -45,12 +49,18 @@ impl Bench<'_> {
                     record.conditions =
                         trial.conditions.iter().map(|(name, value)| (name.to_string(), json_of(value))).collect();
                     record.determined = trial.determined == Determined::Theta;
-                    self.solve(scenario, trial, planned, method, &mut record);
+                    // Code of entries that a program added may panic: that costs its own row, not the run.
+                    let before = record.clone();
+                    let solve = AssertUnwindSafe(|| self.solve(scenario, trial, planned, method, &mut record));
+                    if let Err(panic) = catch_unwind(solve) {
+                        record = Record { message: Some(format!("a panic: {}", words(panic.as_ref()))), ..before };
+                    }
                 }
                 Err(problem) => record.message = Some(problem.to_string()),
             }
             record.seconds = begin.elapsed().as_secs_f64();
             record.timed_out = self.experiment.deadline_secs.is_some_and(|limit| record.seconds >= limit);
+            record.seal();
             record
         };
         methods.iter().map(record).collect()
@@ -58,7 +68,8 @@ impl Bench<'_> {
 
     /// Draw the data of a trial.
     pub(crate) fn draw(&self, scenario: &dyn Scenario, planned: &PlannedTrial) -> Result<Trial, ScenarioError> {
-        scenario.trial(&mut data_stream(self.experiment.seed, planned.key))
+        let draw = || scenario.trial(&mut data_stream(self.experiment.seed, planned.key));
+        catch_unwind(AssertUnwindSafe(draw)).unwrap_or_else(|panic| Err(ScenarioError::Panicked(words(panic.as_ref()))))
     }
 
     /// Build a method's problem on the data of a trial.
@@ -112,6 +123,9 @@ impl Bench<'_> {
             message: None,
             isa: self.execution.isa.name().to_string(),
             seconds: 0.0,
+            data: self.data[planned.cell].clone(),
+            version: VERSION.to_string(),
+            checksum: String::new(),
         }
     }
 
@@ -167,6 +181,12 @@ impl Bench<'_> {
             record.mahalanobis_dof = record.mahalanobis.map(|_| manifold.tangent());
         }
     }
+}
+
+/// Return the message of a panic on one line.
+fn words(panic: &(dyn Any + Send)) -> String {
+    let text = panic.downcast_ref::<String>().map(String::as_str).or_else(|| panic.downcast_ref::<&str>().copied());
+    text.unwrap_or("without a message").split_whitespace().collect::<Vec<_>>().join(" ")
 }
 
 /// Compare an estimate with the nearest of the true thetas of a trial; return that theta too.

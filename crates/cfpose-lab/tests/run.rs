@@ -84,7 +84,7 @@ fn results_do_not_depend_on_threads_shards_or_interruptions() {
     }
     assert_eq!(merge(&lab, machines.path()).unwrap().records, NUM_RECORDS);
     assert_eq!(read(machines.path(), "results.csv"), expected);
-    let names = ["trials.jsonl", "summary.json", "manifest.json", "timings.csv", "report.html", "tables.md"];
+    let names = ["records.jsonl", "summary.json", "manifest.json", "timings.csv", "report.html", "tables.md"];
     let before = names.map(|name| read(machines.path(), name));
     merge(&lab, machines.path()).unwrap();
     assert_eq!(names.map(|name| read(machines.path(), name)), before);

@@ -32,6 +32,16 @@ pub enum EntryError {
         /// Nearest names, best first.
         suggestions: Vec<String>,
     },
+    /// Several entries of a table have this name.
+    #[error("{kind} `{name}` stands {count} times in the table; give each entry a name of its own")]
+    DoubledName {
+        /// Kind of the entry.
+        kind: &'static str,
+        /// The name.
+        name: String,
+        /// How many entries have it.
+        count: usize,
+    },
     /// The entry has no such parameter.
     #[error("{kind} `{name}` has no parameter `{key}`{}", suggestion_text(.suggestions))]
     UnknownParameter {
@@ -220,6 +230,9 @@ pub fn parse_spec(text: &str) -> Result<(String, Vec<(String, String)>), EntryEr
     if name.is_empty() {
         return Err(syntax("the name is empty"));
     }
+    if deepest(text_trimmed) > MAX_DEPTH {
+        return Err(syntax(&format!("brackets are nested more than {MAX_DEPTH} deep")));
+    }
     if name.contains(']') {
         return Err(syntax("the brackets do not match"));
     }
@@ -230,6 +243,34 @@ pub fn parse_spec(text: &str) -> Result<(String, Vec<(String, String)>), EntryEr
         given.push((key.trim().to_string(), value.trim().to_string()));
     }
     Ok((name.to_string(), given))
+}
+
+/// Deepest nesting of brackets: entries made from entries are built by recursion.
+const MAX_DEPTH: usize = 8;
+
+/// Return how deep brackets are nested.
+fn deepest(text: &str) -> usize {
+    let mut depth = 0_usize;
+    let depths = text.chars().map(|c| {
+        match c {
+            '[' => depth += 1,
+            ']' => depth = depth.saturating_sub(1),
+            _ => {}
+        }
+        depth
+    });
+    depths.max().unwrap_or(0)
+}
+
+/// Refuse a name that several entries of a table have.
+///
+/// # Errors
+/// [`EntryError::DoubledName`].
+pub fn require_one<'a>(kind: &'static str, name: &str, names: impl Iterator<Item = &'a str>) -> Result<(), EntryError> {
+    match names.filter(|known| *known == name).count() {
+        0 | 1 => Ok(()),
+        count => Err(EntryError::DoubledName { kind, name: name.to_string(), count }),
+    }
 }
 
 /// Split at the commas that stand outside brackets; nothing when brackets do not match.

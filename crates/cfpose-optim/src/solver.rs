@@ -3,7 +3,7 @@
 use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
-use crate::entry::{EntryError, ParameterSpec, Parameters, parse_spec, suggest};
+use crate::entry::{EntryError, ParameterSpec, Parameters, parse_spec, require_one, suggest};
 use crate::observe::Observer;
 use crate::outcome::Outcome;
 use crate::problem::LeastSquares;
@@ -63,6 +63,14 @@ pub enum SolveError {
         index: usize,
         /// Its value.
         value: f64,
+    },
+    /// The solver, or the code of the problem that it calls, does what it must not: it panics, or returns what is no outcome.
+    #[error("solver `{solver}`: {problem}")]
+    Broken {
+        /// Name of the solver.
+        solver: String,
+        /// What it did.
+        problem: String,
     },
 }
 
@@ -140,6 +148,7 @@ struct Table(Vec<&'static SolverEntry>);
 /// that cannot be used.
 pub fn build_from(table: &[&'static SolverEntry], text: &str) -> Result<Box<dyn Solver>, EntryError> {
     let (name, given) = parse_spec(text)?;
+    require_one("solver", &name, table.iter().map(|entry| entry.name))?;
     let entry = table.iter().find(|entry| entry.name == name).ok_or_else(|| EntryError::UnknownName {
         kind: "solver",
         suggestions: suggest(&name, table.iter().map(|entry| entry.name)),

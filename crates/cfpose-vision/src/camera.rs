@@ -1,10 +1,19 @@
 //! Pixels of a calibrated camera to image points on the plane z = 1 and back.
 
+mod file;
+mod lens;
+mod xml;
+mod yaml;
+
 use cfpose::homography::Intrinsics;
 use cfpose::{Points, PointsError};
 
-/// A pinhole camera without distortion: u = fx x / z + cx, v = fy y / z + cy; x right, y down, z forward, pixel centres at
-/// integers.
+pub(crate) use file::parse_camera;
+pub use file::read_camera;
+pub use lens::Lens;
+
+/// A camera: u = fx x' + cx, v = fy y' + cy where the lens moves (x / z, y / z) to (x', y'); x right, y down, z forward, pixel
+/// centres at integers. Without a lens it is the pinhole camera.
 ///
 /// ```
 /// use cfpose::Points;
@@ -15,11 +24,11 @@ use cfpose::{Points, PointsError};
 /// assert!(Camera::new(0.0, 1.0, 0.0, 0.0).is_none());
 /// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Camera(Intrinsics);
+pub struct Camera(Intrinsics, Lens);
 
 impl Camera {
     /// The camera that leaves image points as they are.
-    pub const IDENTITY: Self = Self(Intrinsics { fx: 1.0, fy: 1.0, cx: 0.0, cy: 0.0 });
+    pub const IDENTITY: Self = Self(Intrinsics { fx: 1.0, fy: 1.0, cx: 0.0, cy: 0.0 }, Lens::None);
 
     /// Return the focal length in pixels, the geometric mean of both.
     ///
@@ -34,7 +43,30 @@ impl Camera {
     /// length is not positive.
     pub fn new(fx: f64, fy: f64, cx: f64, cy: f64) -> Option<Self> {
         let valid = [fx, fy, cx, cy].iter().all(|v| v.is_finite()) && fx > 0.0 && fy > 0.0;
-        valid.then_some(Self(Intrinsics { fx, fy, cx, cy }))
+        valid.then_some(Self(Intrinsics { fx, fy, cx, cy }, Lens::None))
+    }
+
+    /// Put a lens before the camera.
+    ///
+    /// ```
+    /// use cfpose::Points;
+    /// use cfpose_vision::{Camera, Lens};
+    /// let bare = Camera::new(500.0, 500.0, 320.0, 240.0).unwrap();
+    /// let camera = bare.with_lens(Lens::polynomial(&[-0.2, 0.05, 0.0, 0.0]).unwrap());
+    /// let ray = Points::from_rows(&[[0.5, 0.0]]).unwrap();
+    /// // r' = r (1 - 0.2 r^2 + 0.05 r^4) = 0.4765625
+    /// let pixels = camera.project(&ray).unwrap();
+    /// assert!((pixels.point(0)[0] - (500.0 * 0.476_562_5 + 320.0)).abs() < 1e-12);
+    /// assert!((camera.normalise(&pixels).unwrap().point(0)[0] - 0.5).abs() < 1e-13);
+    /// ```
+    #[must_use]
+    pub fn with_lens(self, lens: Lens) -> Self {
+        Self(self.0, lens)
+    }
+
+    /// Return the lens.
+    pub fn lens(&self) -> Lens {
+        self.1
     }
 
     /// Return the numbers.
@@ -42,16 +74,18 @@ impl Camera {
         self.0
     }
 
-    /// Return the points (x, y) = ((u - cx) / fx, (v - cy) / fy) of pixels (u, v), weights with them.
+    /// Return the points (x, y) of pixels (u, v), weights with them: ((u - cx) / fx, (v - cy) / fy) where there is no lens.
     ///
     /// # Errors
-    /// [`PointsError::Dimension`] for points that are not 2-D, [`PointsError::NotFinite`] on overflow.
+    /// [`PointsError::Dimension`] for points that are not 2-D, [`PointsError::NotFinite`] on overflow and for a pixel that the lens
+    /// shows no point in front of the camera in (the row, value NaN).
     pub fn normalise(&self, pixels: &Points) -> Result<Points, PointsError> {
         if pixels.dim() != 2 {
             return Err(PointsError::Dimension { dim: pixels.dim() });
         }
-        let x = pixels.column(0).iter().map(|u| (u - self.0.cx) / self.0.fx).collect();
-        let y = pixels.column(1).iter().map(|v| (v - self.0.cy) / self.0.fy).collect();
+        let seen = pixels.column(0).iter().zip(pixels.column(1));
+        let seen = seen.map(|(u, v)| [(u - self.0.cx) / self.0.fx, (v - self.0.cy) / self.0.fy]);
+        let (x, y) = seen.map(|point| self.1.undistort(point).unwrap_or([f64::NAN; 2])).map(|[x, y]| (x, y)).unzip();
         rebuild(vec![x, y], pixels)
     }
 
@@ -69,8 +103,9 @@ impl Camera {
             _ if points.column(2)[k] > 0.0 => points.column(2)[k],
             _ => f64::NAN,
         };
-        let u = (0..points.len()).map(|k| self.0.fx * points.column(0)[k] / depth(k) + self.0.cx).collect();
-        let v = (0..points.len()).map(|k| self.0.fy * points.column(1)[k] / depth(k) + self.0.cy).collect();
+        let ahead = |k: usize| [0, 1].map(|d| points.column(d)[k] / depth(k));
+        let seen = (0..points.len()).map(|k| self.1.distort(ahead(k)));
+        let (u, v) = seen.map(|[x, y]| (self.0.fx * x + self.0.cx, self.0.fy * y + self.0.cy)).unzip();
         rebuild(vec![u, v], points)
     }
 }

@@ -297,6 +297,20 @@ pub enum Fault {
         /// What is wrong.
         what: String,
     },
+    /// The content is no camera.
+    #[error("{what}; give OpenCV (yaml, xml), ROS camera_info, Kalibr, or JSON with fx, fy, cx, cy")]
+    Camera {
+        /// What is wrong.
+        what: String,
+    },
+    /// One of several cameras has to be chosen.
+    #[error("{what}; write FILE{}", if .names.is_empty() { String::new() } else { format!("#{names}") })]
+    CameraChoice {
+        /// What is wrong.
+        what: String,
+        /// Names of the cameras, each but the first after `#`.
+        names: String,
+    },
     /// The points themselves are not usable.
     #[error("{0}")]
     Points(#[from] PointsError),

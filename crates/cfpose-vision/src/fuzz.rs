@@ -1,11 +1,14 @@
 //! One entry for property tests and fuzzers.
 
+use cfpose::Points;
+
+use crate::camera::parse_camera;
 use crate::formats::FORMATS;
 use crate::options::{Foreground, Invalid, ReadOptions, Threshold};
 use crate::poses::parse;
 use crate::read::read_as;
 
-/// Read bytes as each format, and as poses, and assert what must hold for all input; the first byte chooses the options.
+/// Read bytes as each format, as poses and as a camera, and assert what must hold for all input; the first byte chooses the options.
 ///
 /// # Panics
 /// When a reader panics, returns more points than bytes (for images: pixels) can hold, a point that is not finite,
@@ -35,6 +38,15 @@ pub fn fuzz_one(data: &[u8]) {
             assert!(poses.iter().all(|pose| pose.pose.matrix().as_flattened().iter().all(|x| x.is_finite())));
         }
         Err(flaw) => assert_line(&format!("{}{}", flaw.at, flaw.fault)),
+    }
+    match parse_camera(bytes, (choice % 2 == 1).then_some("cam0")) {
+        Ok(camera) => {
+            let pixel = Points::from_rows(&[[f64::from(*choice), 1.0]]).expect("a finite pixel");
+            if let Ok(point) = camera.normalise(&pixel) {
+                assert!(point.point(0)[..2].iter().all(|x| x.is_finite()));
+            }
+        }
+        Err(fault) => assert_line(&fault.to_string()),
     }
 }
 

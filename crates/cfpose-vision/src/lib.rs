@@ -1,4 +1,4 @@
-//! Point files, and silhouettes as point files, to [`cfpose::Points`] and back; pose files; pixels of a camera.
+//! Point files, and silhouettes as point files, to [`cfpose::Points`] and back; pose files; camera files, pixels.
 //!
 //! [`read_points`] chooses the reader by the file's extension from the table [`FORMATS`]; [`write_points`] the writer.
 //! Adding a format takes one file in `formats/` and one line of that table.
@@ -62,7 +62,7 @@ mod unpack;
 mod words;
 mod write;
 
-pub use camera::Camera;
+pub use camera::{Camera, Lens, read_camera};
 pub use error::{Fault, FileError, Flaw, Place};
 pub use formats::{FORMATS, Format};
 pub use fuzz::fuzz_one;

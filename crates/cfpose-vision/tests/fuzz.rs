@@ -206,6 +206,7 @@ fn no_bytes_make_a_reader_panic_or_take_memory_for_a_claim() {
         let read = FORMATS.iter().filter(|format| (format.read)(seed, &Default::default()).is_ok()).count();
         assert!(read >= 1 || gzipped, "a seed is a valid file: {:?}", String::from_utf8_lossy(seed));
     }
+    seeds.extend(common::CAMERAS.map(|(_, text)| text.as_bytes().to_vec()));
     seeds.extend(POSES.map(|text| text.as_bytes().to_vec()));
     let damaged = (0..seeds.len(), any::<u8>(), prop::collection::vec(damage(), 1..5));
     let slowest = std::cell::Cell::new(0.0f64);

@@ -101,3 +101,22 @@ fn more_foreground_than_the_limit_is_refused_with_the_number_that_reads_it() {
     assert_eq!(read(&bytes, bright.clone()).unwrap_err(), message);
     assert_eq!(read(&bytes, ReadOptions { max_points: Some(4_410_000), ..bright }).unwrap().points.len(), 4_410_000);
 }
+
+#[test]
+fn bytes_after_the_end_of_an_image_are_refused() {
+    let image = GrayImage::from_fn(32, 24, |x, y| Luma([if x / 8 == 1 && y / 8 == 1 { 250 } else { 5 }]));
+    for format in [ImageFormat::Png, ImageFormat::Jpeg] {
+        let bytes = encode(image.clone(), format);
+        assert_eq!(read(&bytes, ReadOptions::default()).unwrap().points.len(), 64);
+        // A film behind a photograph, a second image, zeros, a single byte.
+        for more in [b"\0\0\0\x18ftypmp42".to_vec(), bytes.clone(), vec![0; 16], vec![b'\n']] {
+            let message = read(&[&bytes[..], &more].concat(), ReadOptions::default()).unwrap_err();
+            let expected =
+                format!("the image cannot be decoded: {} byte(s) follow its end; save it again as PNG", more.len());
+            assert_eq!(message, expected, "{format:?}");
+        }
+    }
+    // Rows that look like markers are no end: a JPEG of noise.
+    let noise = GrayImage::from_fn(64, 64, |x, y| Luma([((x * 7919 + y * 104_729) % 251) as u8]));
+    assert!(read(&encode(noise, ImageFormat::Jpeg), ReadOptions::default()).is_ok());
+}

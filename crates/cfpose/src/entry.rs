@@ -2,7 +2,7 @@
 
 use cfpose_kernel::family::{Concatenated, DynFamily};
 use cfpose_kernel::points::Points;
-pub use cfpose_optim::entry::{EntryError, ParameterSpec, Parameters, parse_spec, suggest};
+pub use cfpose_optim::entry::{EntryError, ParameterSpec, Parameters, parse_spec, require_one, suggest};
 
 /// What the library knows when it builds an entry: some entries depend on the data or on bytes that the caller read.
 #[derive(Debug, Clone, Copy, Default)]
@@ -34,6 +34,16 @@ pub enum BuildError {
         /// Name of the entry.
         name: String,
         /// What is missing.
+        problem: String,
+    },
+    /// The code of an entry does what it must not: it panics, returns NaN, lies about its size.
+    #[error("{kind} `{name}` is broken: {problem}")]
+    Broken {
+        /// `model`, `family`, ...
+        kind: &'static str,
+        /// Name of the entry.
+        name: String,
+        /// What it did.
         problem: String,
     },
 }
@@ -85,6 +95,7 @@ pub fn find<'a, E: NamedEntry>(
     spec: &str,
 ) -> Result<(&'a E, Parameters), EntryError> {
     let (name, given) = parse_spec(spec)?;
+    require_one(kind, &name, table.iter().map(|entry| entry.name()))?;
     let entry = table.iter().find(|entry| entry.name() == name).ok_or_else(|| EntryError::UnknownName {
         kind,
         name: name.clone(),
@@ -96,6 +107,9 @@ pub fn find<'a, E: NamedEntry>(
 
 /// Deepest nesting of brackets in a name.
 const MAX_DEPTH: usize = 8;
+
+/// Most basis functions of a family, or of a sum of families.
+const MAX_BASIS: usize = 16_384;
 
 /// Build a family, or a weighted concatenation `2*a + 0.5*b[key=value]`, from the families that the context names.
 ///
@@ -111,6 +125,12 @@ pub fn build_family(spec: &str, context: &BuildContext<'_>) -> Result<Box<dyn Dy
             return Err(BuildError::Data { name: entry.name.to_string(), problem });
         }
         parts.push((weight, family));
+    }
+    let size = |dim| parts.iter().map(|(_, family)| family.num_basis(dim)).fold(0_usize, usize::saturating_add);
+    if context.dim > 0 && size(context.dim) > MAX_BASIS {
+        let problem =
+            format!("{} basis functions are more than {MAX_BASIS}; choose a smaller family", size(context.dim));
+        return Err(BuildError::Data { name: "features".to_string(), problem });
     }
     match <[(f64, Box<dyn DynFamily>); 1]>::try_from(parts) {
         Ok([(1.0, family)]) => Ok(family),

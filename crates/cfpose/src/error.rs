@@ -71,6 +71,14 @@ pub enum Error {
         /// What is wrong.
         problem: String,
     },
+    /// The points of a side do not allow what was asked for.
+    #[error("{problem}")]
+    Data {
+        /// Which set.
+        side: Side,
+        /// What is missing.
+        problem: String,
+    },
     /// Misuse of a solver.
     #[error(transparent)]
     Solve(#[from] cfpose_optim::SolveError),

@@ -13,6 +13,7 @@ use cfpose_optim::problem::{Capabilities, LeastSquares};
 use num_dual::HyperDual64;
 
 use crate::error::Error;
+use crate::geometry::theta::ThetaError;
 use crate::model::Model;
 
 mod equality;
@@ -295,6 +296,27 @@ impl MomentProblem {
     /// Split theta into the model's part and the nuisance part.
     fn split<'a, T>(&self, theta: &'a [T]) -> (&'a [T], &'a [T]) {
         theta.split_at(self.model.layout.manifold().ambient())
+    }
+
+    /// Evaluate as [`MomentProblem::evaluate`], after looking at theta: its length is that of the model's ambient theta and the nuisance
+    /// parameters.
+    ///
+    /// # Errors
+    /// [`Error::Theta`] for another length and numbers that are not finite.
+    pub fn try_evaluate(&self, theta: &[f64]) -> Result<Evaluation, Error> {
+        let expected = self.manifold.ambient();
+        if theta.len() != expected {
+            let layout = format!(
+                "ambient: {} of model and {} of noise",
+                self.model.layout.manifold().ambient(),
+                self.noise.num_parameters(self.model.dim())
+            );
+            return Err(ThetaError::Count { expected, found: theta.len(), layout }.into());
+        }
+        match theta.iter().position(|value| !value.is_finite()) {
+            Some(at) => Err(ThetaError::NotFinite { position: at + 1, value: theta[at] }.into()),
+            None => Ok(self.evaluate(theta)),
+        }
     }
 
     /// Map the target points of the first group into the feature space at theta, not normalised.

@@ -1,5 +1,7 @@
 //! The registry: all tables of the library in one place, for a program to choose from and to extend.
 
+mod guard;
+
 use cfpose_kernel::family::DynFamily;
 use cfpose_optim::solver::{Solver, SolverEntry};
 
@@ -73,10 +75,14 @@ impl Registry {
     /// Build a model by name.
     ///
     /// # Errors
-    /// [`Error::Build`] for an unknown name or bad parameters.
+    /// [`Error::Build`] for an unknown name or bad parameters, and for a model of your own that contradicts itself or panics.
     pub fn model(&self, spec: &str, context: &BuildContext<'_>) -> Result<Model, Error> {
         let (entry, parameters) = find("model", &self.models, spec).map_err(BuildError::from)?;
-        Ok((entry.build)(&parameters, context)?)
+        let model = guard::build("model", entry.name, || (entry.build)(&parameters, context))?;
+        if !guard::ships(crate::models::ALL, entry) {
+            guard::model(entry.name, &model)?;
+        }
+        Ok(model)
     }
 
     /// Build a feature family by name, or a weighted concatenation of several.
@@ -91,7 +97,13 @@ impl Registry {
     /// # Errors
     /// [`Error::Build`] for an unknown name, bad parameters, or data the family cannot use.
     pub fn family(&self, spec: &str, context: &BuildContext<'_>) -> Result<Box<dyn DynFamily>, Error> {
-        Ok(build_family(spec, &BuildContext { families: &self.families, ..*context })?)
+        let context = BuildContext { families: &self.families, ..*context };
+        let family = guard::build("family", spec, || build_family(spec, &context))?;
+        let own = self.families.iter().filter(|entry| !guard::ships(crate::families::ALL, entry));
+        if context.dim > 0 && own.into_iter().any(|entry| spec.contains(entry.name)) {
+            guard::family(spec, family.as_ref(), context.dim)?;
+        }
+        Ok(family)
     }
 
     /// Build a normaliser by name.
@@ -100,7 +112,7 @@ impl Registry {
     /// [`Error::Build`] for an unknown name or bad parameters.
     pub fn normaliser(&self, spec: &str) -> Result<Box<dyn Normaliser>, Error> {
         let (entry, parameters) = find("normaliser", &self.normalisers, spec).map_err(BuildError::from)?;
-        Ok((entry.build)(&parameters).map_err(BuildError::from)?)
+        Ok(guard::build("normaliser", entry.name, || (entry.build)(&parameters).map_err(BuildError::from))?)
     }
 
     /// Build a weighting by name.
@@ -109,7 +121,7 @@ impl Registry {
     /// [`Error::Build`] for an unknown name or bad parameters.
     pub fn weighting(&self, spec: &str) -> Result<Box<dyn Weighting>, Error> {
         let (entry, parameters) = find("weighting", &self.weightings, spec).map_err(BuildError::from)?;
-        Ok((entry.build)(&parameters).map_err(BuildError::from)?)
+        Ok(guard::build("weighting", entry.name, || (entry.build)(&parameters).map_err(BuildError::from))?)
     }
 
     /// Build a start strategy by name.
@@ -118,14 +130,22 @@ impl Registry {
     /// [`Error::Build`] for an unknown name or bad parameters.
     pub fn start(&self, spec: &str) -> Result<Box<dyn StartStrategy>, Error> {
         let (entry, parameters) = find("start", &self.starts, spec).map_err(BuildError::from)?;
-        Ok((entry.build)(&parameters).map_err(BuildError::from)?)
+        let start = guard::build("start", entry.name, || (entry.build)(&parameters).map_err(BuildError::from))?;
+        Ok(Box::new(guard::WatchedStart { start, own: !guard::ships(crate::start::ALL, entry) }))
     }
 
     /// Build a solver by name; solvers that its parameters name come from this registry too.
     ///
+    /// A panic in the solver or in the code of a problem that it solves is caught and becomes
+    /// [`SolveError::Broken`](cfpose_optim::SolveError::Broken), and so is what a solver returns that is no outcome.
+    ///
     /// # Errors
     /// [`Error::Build`] for an unknown name or bad parameters.
     pub fn solver(&self, spec: &str) -> Result<Box<dyn Solver>, Error> {
-        Ok(cfpose_optim::solvers::build_from(&self.solvers, spec).map_err(BuildError::from)?)
+        let build = || cfpose_optim::solvers::build_from(&self.solvers, spec).map_err(BuildError::from);
+        let solver = guard::build("solver", spec, build)?;
+        let name = solver.name();
+        let own = !self.solvers.iter().any(|e| e.name == name && guard::ships(cfpose_optim::solvers::ALL, e));
+        Ok(Box::new(guard::Watched { solver, own }))
     }
 }

@@ -3,7 +3,7 @@
 use cfpose_kernel::points::Points;
 
 use crate::entry::{EntryError, ParameterSpec, Parameters, parse_spec};
-use crate::error::Error;
+use crate::error::{Error, Side};
 use crate::geometry::free::Freedom;
 use crate::geometry::theta::{euler_of_rotation, rotation_of_euler};
 use crate::model::Model;
@@ -103,8 +103,8 @@ struct Moments {
 
 impl Moments {
     fn new(context: &StartContext<'_>, dim: usize) -> Result<Self, Error> {
-        let source = inhomogeneous(context.source, dim)?;
-        let target = inhomogeneous(context.target, dim)?;
+        let source = inhomogeneous(Side::Source, context.source, dim)?;
+        let target = inhomogeneous(Side::Target, context.target, dim)?;
         Ok(Self {
             dim,
             source_mean: source.mean(),
@@ -128,14 +128,14 @@ impl Moments {
 }
 
 /// Return points of dimension `dim`: as they are, or divided by the last of `dim + 1` homogeneous coordinates.
-fn inhomogeneous(points: &Points, dim: usize) -> Result<Points, Error> {
+fn inhomogeneous(side: Side, points: &Points, dim: usize) -> Result<Points, Error> {
     if points.dim() == dim {
         return Ok(points.clone());
     }
     let last = points.column(points.dim() - 1);
     let columns = (0..dim).map(|d| points.column(d).iter().zip(last).map(|(x, z)| x / z).collect()).collect();
     Points::weighted(columns, points.weights().to_vec())
-        .map_err(|_| Error::Unsupported("a start needs points in front of the camera".to_string()))
+        .map_err(|_| Error::Data { side, problem: "a start needs points in front of the camera".to_string() })
 }
 
 /// A proposed start and the rotation it came from (row by row), by which starts are told apart.

@@ -2,7 +2,7 @@
 
 use cfpose::entry::ParameterSpec;
 use cfpose::theta::Layout;
-use cfpose::{Points, PoseError};
+use cfpose::{Points, PoseError, Side};
 use cfpose_lab::rand::RngExt;
 use cfpose_lab::rand_distr::StandardNormal;
 use cfpose_lab::{ChaCha12Rng, Scenario, ScenarioEntry, ScenarioError, Success, Trial};
@@ -29,7 +29,8 @@ impl Scenario for Leaf {
         let points = |side, rows: &[[f64; 2]]| {
             Points::from_rows(rows).map_err(|problem| ScenarioError::Points { side, problem })
         };
-        let trial = Trial::new(points("source", &source)?, points("target", &target)?, truth, Success::Error(0.05));
+        let trial =
+            Trial::new(points(Side::Source, &source)?, points(Side::Target, &target)?, truth, Success::Error(0.05));
         Ok(trial.with_start(vec![0.0, 1.0, 1.0, 0.0, 0.0]))
     }
 

@@ -77,6 +77,8 @@ struct Chosen {
 /// # Errors
 /// [`Failure`]; a check that does not pass is a run without a usable result.
 pub fn run(args: &CheckArgs, lab: &Lab) -> Result<(), Failure> {
+    let files: Vec<_> = args.on.iter().cloned().collect();
+    output::keep_apart(&files, &[args.json.as_deref()])?;
     let registry = &lab.registry;
     let chosen = chosen(args.name.as_deref(), registry)?;
     let execution = Execution { isa: inputs::isa(&args.isa)?, pool: None };

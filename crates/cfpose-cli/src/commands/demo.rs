@@ -43,6 +43,8 @@ struct Attempt {
 /// [`Failure`] of the scenario's name or of the folder; an estimate that is off is a run without a usable result.
 pub fn run(args: &DemoArgs, lab: &Lab) -> Result<(), Failure> {
     let begun = Instant::now();
+    let own = ["overlay.svg", "source.csv", "target.csv"].map(|name| args.out.join(name));
+    output::keep_apart(&own, &[args.json.as_deref()])?;
     let (entry, parameters) = find("scenario", &lab.scenarios, &args.scenario)?;
     let mut scenario = (entry.build)(&parameters)?;
     scenario.load(Path::new("")).map_err(Failure::input)?;
@@ -112,7 +114,7 @@ fn prepare(lab: &Lab, model: &str, trial: &Trial, method: &str, seed: u64) -> Re
     if trial.start.is_none() && method == "paper" {
         for name in STRATEGIES {
             match attempt(&Method { start: name.to_string(), ..preset.clone() }) {
-                Err(Error::Unsupported(_)) => {}
+                Err(Error::Unsupported(_) | Error::Data { .. }) => {}
                 done => return Ok(done?),
             }
         }

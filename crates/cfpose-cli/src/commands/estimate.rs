@@ -6,6 +6,7 @@ use std::time::Instant;
 use cfpose::distances::MAX_ASSIGNED;
 use cfpose::{Estimate, Points, Pose, Supervision};
 use cfpose_lab::Lab;
+use cfpose_lab::plot::{of_estimate, overlay, overlay_png, panels};
 use cfpose_vision::{Camera, PoseFormat, StampedPose, write_points};
 
 use crate::args::{EstimateArgs, Matching};
@@ -24,6 +25,9 @@ const SMALL: usize = 1000;
 /// [`Failure`]; a run without a usable result fails after its JSON is written, and writes neither pose nor points.
 pub fn run(args: &EstimateArgs, lab: &Lab) -> Result<(), Failure> {
     let begun = Instant::now();
+    let outputs = [&args.problem.json, &args.pose_out, &args.transformed_out, &args.plot];
+    let outputs = outputs.map(|path| path.as_deref());
+    output::keep_apart(&inputs::named(&args.problem), &outputs)?;
     let loaded = inputs::load(&args.problem, &lab.registry)?;
     check_outputs(args, &loaded)?;
     let mut watch = Watch::new(args.verbose, loaded.estimator.settings().given_starts().len());
@@ -38,6 +42,9 @@ pub fn run(args: &EstimateArgs, lab: &Lab) -> Result<(), Failure> {
     let json = args.problem.json.as_deref();
     output::show(&report.table(&loaded, &estimate), json)?;
     output::write_json(&report, json)?;
+    if let Some(path) = &args.plot {
+        plot(path, args, &loaded, &estimate)?;
+    }
     if estimate.usable() {
         return write_outputs(args, &loaded, &estimate);
     }
@@ -68,13 +75,6 @@ fn check_outputs(args: &EstimateArgs, loaded: &Loaded) -> Result<(), Failure> {
             "--correspondence=one-to-one takes up to {MAX_ASSIGNED} points, the larger file has {num_points}; use --correspondence"
         )));
     }
-    let outputs = [args.problem.json.as_ref(), args.pose_out.as_ref(), args.transformed_out.as_ref()];
-    for (index, path) in outputs.iter().enumerate() {
-        if path.is_some() && outputs[..index].contains(path) {
-            let name = path.map_or_else(String::new, |path| path.display().to_string());
-            return Err(Failure::usage(format!("two outputs go to {name}; give each a file of its own")));
-        }
-    }
     if args.pose_out.is_some() && PoseReport::of(loaded, &model.identity, None).is_none() {
         return Err(Failure::usage(format!("--pose-out: model `{name}` has no pose; use --json")));
     }
@@ -90,7 +90,11 @@ fn check_outputs(args: &EstimateArgs, loaded: &Loaded) -> Result<(), Failure> {
             return Err(Failure::usage(format!("--transformed-out: {} files can only be read; use csv", format.name)));
         }
     }
+    if let Some(path) = &args.plot {
+        is_png(path)?;
+    }
     // A wrong folder must show before minutes of work.
+    output::check_writable(args.plot.as_deref())?;
     output::check_writable(args.pose_out.as_deref())?;
     output::check_writable(args.transformed_out.as_deref())
 }
@@ -109,6 +113,40 @@ fn write_outputs(args: &EstimateArgs, loaded: &Loaded, estimate: &Estimate) -> R
     Ok(())
 }
 
+/// Say whether a figure is to be a PNG.
+fn is_png(path: &Path) -> Result<bool, Failure> {
+    let extension = path.extension().map(|extension| extension.to_string_lossy().to_lowercase());
+    match extension.as_deref() {
+        Some("svg") => Ok(false),
+        Some("png") => Ok(true),
+        _ => Err(Failure::usage(format!(
+            "--plot: {} is no figure; give a name that ends in .svg or .png",
+            path.display()
+        ))),
+    }
+}
+
+/// Draw both sets before and after, and the residuals; without a usable result only what is there before.
+fn plot(path: &Path, args: &EstimateArgs, loaded: &Loaded, estimate: &Estimate) -> Result<(), Failure> {
+    let estimator = &loaded.estimator;
+    let start = estimator.settings().given_starts().first().unwrap_or(&estimator.model().identity).clone();
+    let covariance = estimate.statistics.as_ref().map(|statistics| statistics.covariance.as_slice());
+    let made = if estimate.usable() {
+        of_estimate(estimator, &start, &estimate.theta, covariance)
+    } else {
+        panels(estimator, &[("before; no usable result", start.as_slice())])
+    };
+    let moved = |error| Failure::unusable(format!("{}: moved points: {error}", path.display()));
+    let mut made = made.map_err(moved)?;
+    if let (Some(verdict), Some(after)) = (estimate.verdict, made.iter_mut().find(|panel| panel.title == "after")) {
+        after.title = format!("after: {}", verdict.name());
+    }
+    let name = |path: &Path| path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+    let title = format!("{} onto {}, {}", name(&args.problem.source), name(&args.problem.target), args.problem.model);
+    let bytes = if is_png(path)? { overlay_png(&title, &made)? } else { overlay(&title, &made)?.into_bytes() };
+    std::fs::write(path, bytes).map_err(|error| Failure::input(format!("{}: {error}", path.display())))
+}
+
 fn write_pose(path: &Path, pose: Pose) -> Result<(), Failure> {
     output::write_file(path, &PoseFormat::of_path(path).write(&[StampedPose { time: None, pose }]))
 }
@@ -121,5 +159,5 @@ fn transformed(loaded: &Loaded, theta: &[f64]) -> Result<Points, cfpose::Error> 
         return Ok(mapped);
     }
     let source_error = |problem| cfpose::Error::Points { side: cfpose::Side::Source, problem };
-    loaded.camera.unwrap_or(Camera::IDENTITY).project(&mapped).map_err(source_error)
+    loaded.cameras[1].unwrap_or(Camera::IDENTITY).project(&mapped).map_err(source_error)
 }

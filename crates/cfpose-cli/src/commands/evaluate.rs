@@ -38,6 +38,9 @@ struct Report<'a> {
 /// # Errors
 /// [`Failure`]; a residual that is not finite is no usable result.
 pub fn run(args: &EvaluateArgs, lab: &Lab) -> Result<(), Failure> {
+    let mut files = inputs::named(&args.problem);
+    files.push(args.at.clone().into());
+    output::keep_apart(&files, &[args.problem.json.as_deref()])?;
     let result = match numbers(&args.at) {
         Some(_) => None,
         None => Some(read_result(args)?),

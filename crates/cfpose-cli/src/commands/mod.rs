@@ -10,6 +10,7 @@ mod list;
 mod pose;
 mod results;
 mod run;
+mod shell;
 
 use cfpose_lab::Lab;
 
@@ -32,6 +33,8 @@ pub fn run(command: &Command, lab: &Lab) -> Result<(), Failure> {
         Command::Merge(args) => results::merge(args, lab),
         Command::Report(args) => results::report(args, lab),
         Command::Docs(args) => docs::run(args, lab),
+        Command::Completions(args) => shell::completions(args),
+        Command::Man(args) => shell::man(args),
         Command::Pose(args) => pose::run(args),
     }
 }

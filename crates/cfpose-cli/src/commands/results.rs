@@ -12,6 +12,7 @@ use crate::output;
 /// # Errors
 /// [`Failure`] of the folder.
 pub fn status(args: &FolderArgs, lab: &Lab) -> Result<(), Failure> {
+    output::keep_apart(&cfpose_lab::folder::own_files(&args.folder)?, &[args.json.as_deref()])?;
     let status = cfpose_lab::status(lab, &args.folder)?;
     let complete = status.records == status.expected;
     let rows: Vec<Vec<String>> = status
@@ -48,6 +49,7 @@ pub fn status(args: &FolderArgs, lab: &Lab) -> Result<(), Failure> {
 /// # Errors
 /// [`Failure`] of the folder.
 pub fn merge(args: &FolderArgs, lab: &Lab) -> Result<(), Failure> {
+    output::keep_apart(&cfpose_lab::folder::own_files(&args.folder)?, &[args.json.as_deref()])?;
     let merged = cfpose_lab::merge(lab, &args.folder)?;
     output::show(&counted(args, &merged), args.json.as_deref())?;
     output::write_json(&merged.rows, args.json.as_deref())
@@ -58,6 +60,7 @@ pub fn merge(args: &FolderArgs, lab: &Lab) -> Result<(), Failure> {
 /// # Errors
 /// [`Failure`] of the folder.
 pub fn report(args: &FolderArgs, lab: &Lab) -> Result<(), Failure> {
+    output::keep_apart(&cfpose_lab::folder::own_files(&args.folder)?, &[args.json.as_deref()])?;
     let merged = cfpose_lab::merge(lab, &args.folder)?;
     let tables = cfpose_lab::merge::tables(&merged.experiment, &merged.rows);
     output::show(&format!("{tables}\n{}", counted(args, &merged)), args.json.as_deref())?;

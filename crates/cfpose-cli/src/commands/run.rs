@@ -1,40 +1,41 @@
 //! `cfpose run`: compute an experiment or a shard of it.
 
+mod only;
+mod shard;
+
 use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
 
+use cfpose_lab::folder::{EXPERIMENT, own_files};
 use cfpose_lab::{Experiment, Lab, Plan, Progress, RunOptions, RunReport, Shard};
 use indicatif::{ProgressBar, ProgressStyle};
 use serde_json::json;
 
 use crate::args::RunArgs;
-use crate::failure::Failure;
+use crate::failure::{Failure, Kind};
+use crate::signals::Signals;
 use crate::{inputs, output};
-
-/// Variables that job arrays set: index, count, and the variable that holds the first index if that is not 0.
-const ARRAYS: [(&str, &str, Option<&str>); 5] = [
-    ("SLURM_ARRAY_TASK_ID", "SLURM_ARRAY_TASK_COUNT", Some("SLURM_ARRAY_TASK_MIN")),
-    ("SLURM_PROCID", "SLURM_NTASKS", None),
-    ("OMPI_COMM_WORLD_RANK", "OMPI_COMM_WORLD_SIZE", None),
-    ("PMI_RANK", "PMI_SIZE", None),
-    ("CFPOSE_SHARD", "CFPOSE_SHARDS", None),
-];
 
 /// Run the command.
 ///
 /// # Errors
-/// [`Failure`] of the experiment file, the shard or the folder.
+/// [`Failure`] of the experiment file, the shard or the folder; records that should be there and are not; a signal.
 pub fn run(args: &RunArgs, lab: &Lab) -> Result<(), Failure> {
-    let shard = shard(args.shard.as_deref(), |name| std::env::var(name).ok())?;
+    let out = args.out.clone().unwrap_or_else(|| default_folder(&args.experiment));
+    let shard = shard::parse(args.shard.as_deref(), &out, |name| std::env::var(name).ok())?;
     let isa = inputs::isa(&args.isa)?;
+    keep_input(args, &out)?;
     let mut experiment = Experiment::load(lab, &args.experiment)?;
     if let Some(trials) = args.trials {
         experiment = experiment.with_trials(trials as usize);
     }
+    if let Some(key) = &args.only {
+        return only::run(args, lab, &experiment, key, isa, &out);
+    }
     if args.dry {
         return dry(args, lab, &experiment, shard);
     }
-    let out = args.out.clone().unwrap_or_else(|| default_folder(&args.experiment));
+    let signals = Signals::watch();
     let bar = bar();
     let show = |progress: Progress| {
         bar.set_length(progress.total as u64);
@@ -46,12 +47,41 @@ pub fn run(args: &RunArgs, lab: &Lab) -> Result<(), Failure> {
         resume: args.resume,
         threads: inputs::num_threads(args.threads),
         isa,
+        cancel: Some(signals.flag()),
         progress: Some(&show),
         ..RunOptions::new(&out)
     };
-    let report = cfpose_lab::run(lab, &experiment, &options)?;
+    let mut report = cfpose_lab::run(lab, &experiment, &options)?;
     bar.finish_and_clear();
-    tell(args, &out, shard, &report)
+    let stopped = signals.caught().filter(|_| report.missing > 0);
+    if stopped.is_some() {
+        // Tables of what is there.
+        report.merged = Some(cfpose_lab::merge(lab, &out)?);
+    }
+    tell(args, &out, shard, &report)?;
+    let missing = format!("{} record(s) of shard {shard} are missing", report.missing);
+    match stopped {
+        None if report.missing == 0 => Ok(()),
+        None => Err(Failure::unusable(format!(
+            "{}: {missing}, something else changed the folder; run again with --resume",
+            out.display()
+        ))),
+        Some((code, name)) => {
+            let error = anyhow::anyhow!("stopped by {name}: {missing}; go on with --resume");
+            Err(Failure { kind: Kind::Stopped(code), error })
+        }
+    }
+}
+
+/// Refuse to write over the experiment file, or with the JSON over the results.
+fn keep_input(args: &RunArgs, out: &Path) -> Result<(), Failure> {
+    let (experiment, own) = (std::slice::from_ref(&args.experiment), out.join(EXPERIMENT));
+    // Without other trials the experiment of the folder is not written again.
+    let grows = args.trials.is_some() && own.is_file();
+    output::keep_apart(experiment, &[args.json.as_deref(), grows.then_some(own.as_path())])?;
+    let mut files = own_files(out)?;
+    files.retain(|path| !output::same_file(path, &args.experiment));
+    output::keep_apart(&files, &[args.json.as_deref()])
 }
 
 /// Make a progress bar that is drawn on a terminal only.
@@ -69,23 +99,6 @@ fn bar() -> ProgressBar {
 /// Return out/NAME for NAME.toml.
 fn default_folder(experiment: &Path) -> PathBuf {
     Path::new("out").join(experiment.file_stem().unwrap_or(experiment.as_os_str()))
-}
-
-/// Read `I/N`, or look for a job array in the environment.
-fn shard(text: Option<&str>, variable: impl Fn(&str) -> Option<String>) -> Result<Shard, Failure> {
-    let Some(text) = text else { return Ok(Shard::WHOLE) };
-    if text != "auto" {
-        return Ok(text.parse()?);
-    }
-    let number = |name: &str| variable(name).and_then(|value| value.trim().parse::<usize>().ok());
-    for (index, count, first) in ARRAYS {
-        if let (Some(index), Some(count)) = (number(index), number(count)) {
-            let first = first.and_then(number).unwrap_or(0);
-            return Ok(format!("{}/{count}", index.saturating_sub(first)).parse()?);
-        }
-    }
-    let names: Vec<&str> = ARRAYS.iter().map(|(index, _, _)| *index).collect();
-    Err(Failure::usage(format!("--shard auto: none of {} is set; give --shard I/N", names.join(", "))))
 }
 
 /// Print what would be computed.
@@ -113,7 +126,7 @@ fn dry(args: &RunArgs, lab: &Lab, experiment: &Experiment, shard: Shard) -> Resu
     output::write_json(&value, json)
 }
 
-/// Print the tables of a complete run, or what is missing.
+/// Print the tables, of a complete run or of what is there, and counts.
 fn tell(args: &RunArgs, out: &Path, shard: Shard, report: &RunReport) -> Result<(), Failure> {
     let mut text = String::new();
     if let Some(merged) = &report.merged {
@@ -139,27 +152,9 @@ fn tell(args: &RunArgs, out: &Path, shard: Shard, report: &RunReport) -> Result<
         "resumed": report.resumed,
         "records": report.records,
         "expected": report.expected,
-        "complete": report.merged.is_some(),
+        "missing": report.missing,
+        "complete": report.records == report.expected,
         "summary": report.merged.as_ref().map(|merged| &merged.rows),
     });
     output::write_json(&value, json)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_shard_comes_from_the_job_array() {
-        let slurm = |name: &str| match name {
-            "SLURM_ARRAY_TASK_ID" => Some("3".to_string()),
-            "SLURM_ARRAY_TASK_COUNT" => Some("4".to_string()),
-            "SLURM_ARRAY_TASK_MIN" => Some("1".to_string()),
-            _ => None,
-        };
-        assert_eq!(shard(Some("auto"), slurm).unwrap(), Shard { index: 2, count: 4 });
-        assert_eq!(shard(Some("0/2"), slurm).unwrap(), Shard { index: 0, count: 2 });
-        assert_eq!(shard(None, slurm).unwrap(), Shard::WHOLE);
-        assert!(shard(Some("auto"), |_| None).unwrap_err().message().contains("SLURM_ARRAY_TASK_ID"));
-    }
 }

@@ -53,6 +53,11 @@ impl<F: SeparableFamily> DynFamily for Separable<F> {
             .0
             .coefficients()
             .unwrap_or_else(|| (0..num * num).map(|index| f64::from(u8::from(index / num == index % num))).collect());
+        assert!(
+            num > 0 && single.len().is_multiple_of(num),
+            "{} coefficients are no whole rows of {num}",
+            single.len()
+        );
         let functions = single.len() / num;
         let width = dim * num;
         let mut full = vec![0.0; functions * dim * width];

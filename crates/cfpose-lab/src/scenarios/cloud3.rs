@@ -1,9 +1,9 @@
 //! Two clouds on one asymmetric shape, a full random rotation apart.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use cfpose::entry::{EntryError, ParameterSpec, Parameters};
-use cfpose::{Points, Pose};
+use cfpose::{Points, Pose, Side};
 use cfpose_optim::manifold::rotation_of_quaternion;
 use rand::RngExt;
 use rand_chacha::ChaCha12Rng;
@@ -29,6 +29,8 @@ struct Cloud3 {
     source: Source,
     /// Made of `source` by [`Scenario::load`] where that is a file.
     shape: Option<Shape>,
+    /// The file, once it is read.
+    file: Option<PathBuf>,
     num_points: usize,
     independent: bool,
     noise: f64,
@@ -47,6 +49,7 @@ impl Cloud3 {
         Ok(Self {
             source,
             shape,
+            file: None,
             num_points: parameters.count("points", MIN_POINTS, 10_000_000)?,
             independent: parameters.choice("sampling", &[("permutation", false), ("independent", true)])?,
             noise: not_negative("noise")?,
@@ -77,6 +80,7 @@ impl Scenario for Cloud3 {
     fn load(&mut self, folder: &Path) -> Result<(), ScenarioError> {
         if self.shape.is_none() {
             self.shape = Some(self.source.load(folder)?);
+            self.file = self.source.path(folder);
         }
         match self.shape.as_ref().and_then(Shape::max_points) {
             Some(most) if most < self.num_points => Err(ScenarioError::File(format!(
@@ -85,6 +89,10 @@ impl Scenario for Cloud3 {
             ))),
             _ => Ok(()),
         }
+    }
+
+    fn files(&self) -> Vec<PathBuf> {
+        self.file.iter().cloned().collect()
     }
 
     fn trial(&self, rng: &mut ChaCha12Rng) -> Result<Trial, ScenarioError> {
@@ -111,7 +119,7 @@ impl Scenario for Cloud3 {
         };
         let truth = pose.rotation.iter().chain(&pose.translation).copied().collect();
         let success = Success::Parts { angle: 5.0_f64.to_radians(), translation: 0.05 };
-        Ok(Trial::new(points("source", &source)?, points("target", &target)?, truth, success))
+        Ok(Trial::new(points(Side::Source, &source)?, points(Side::Target, &target)?, truth, success))
     }
 }
 

@@ -4,7 +4,7 @@ use std::f64::consts::TAU;
 
 use cfpose::entry::{EntryError, ParameterSpec, Parameters};
 use cfpose::theta::{Layout, RotationForm, rotation_of_euler};
-use cfpose::{Points, Pose};
+use cfpose::{Points, Pose, Side};
 use rand::RngExt;
 use rand_chacha::ChaCha12Rng;
 use rand_distr::StandardNormal;
@@ -167,8 +167,12 @@ impl Scenario for HuntPlanar {
                 .from_list(theta, RotationForm::Euler)
                 .map_err(|problem| ScenarioError::Impossible(problem.to_string()))
         };
-        let mut trial =
-            Trial::new(points("source", &source)?, points("target", &image)?, ambient(&theta)?, Success::Error(0.1));
+        let mut trial = Trial::new(
+            points(Side::Source, &source)?,
+            points(Side::Target, &image)?,
+            ambient(&theta)?,
+            Success::Error(0.1),
+        );
         trial.start = start.as_ref().map(ambient).transpose()?;
         trial.determined = if conditions.foreign { Determined::Nothing } else { Determined::Theta };
         trial.conditions = conditions.named();

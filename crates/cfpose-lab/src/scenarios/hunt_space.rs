@@ -2,7 +2,7 @@
 
 use cfpose::entry::{EntryError, ParameterSpec, Parameters};
 use cfpose::theta::Layout;
-use cfpose::{Points, Pose, PoseError};
+use cfpose::{Points, Pose, PoseError, Side};
 use cfpose_optim::manifold::{multiply3, rotation_of_quaternion};
 use rand::RngExt;
 use rand_chacha::ChaCha12Rng;
@@ -141,7 +141,7 @@ impl Scenario for HuntSpace {
         let success = Success::Parts { angle: 5.0_f64.to_radians(), translation: 0.05 };
         let mut thetas = body.symmetries().iter().map(theta_of).collect::<Vec<_>>();
         let truth = thetas.remove(0);
-        let mut trial = Trial::new(points("source", &source)?, points("target", &target)?, truth, success);
+        let mut trial = Trial::new(points(Side::Source, &source)?, points(Side::Target, &target)?, truth, success);
         trial.equally_true = thetas;
         trial.determined = match (foreign || mirrored, same) {
             (true, _) => Determined::Nothing,

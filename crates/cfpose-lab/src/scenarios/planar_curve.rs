@@ -2,7 +2,7 @@
 
 use cfpose::entry::{EntryError, ParameterSpec, Parameters};
 use cfpose::theta::{Layout, RotationForm, rotation_of_euler};
-use cfpose::{Points, Pose};
+use cfpose::{Points, Pose, Side};
 use rand::RngExt;
 use rand_chacha::ChaCha12Rng;
 use rand_distr::StandardNormal;
@@ -116,11 +116,11 @@ impl Scenario for PlanarCurve {
             let mut source = self.source.clone();
             shuffle(&mut image, rng);
             shuffle(&mut source, rng);
-            points("source", &source)?
+            points(Side::Source, &source)?
         } else {
-            points("source", &self.source)?.in_curve_order()
+            points(Side::Source, &self.source)?.in_curve_order()
         };
-        let trial = Trial::new(source, points("target", &image)?, ambient(&theta)?, Success::Error(THRESHOLD));
+        let trial = Trial::new(source, points(Side::Target, &image)?, ambient(&theta)?, Success::Error(THRESHOLD));
         Ok(if self.has_start { trial.with_start(ambient(&start)?) } else { trial })
     }
 }

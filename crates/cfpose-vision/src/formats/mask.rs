@@ -129,6 +129,10 @@ fn decode(bytes: &[u8]) -> Result<GrayImage, Fault> {
         Ok(ImageFormat::Jpeg) => decode_jpeg(bytes)?.map_err(failed)?,
         _ => return Err(Fault::Image("it is neither PNG nor JPEG".into())),
     };
+    let end = if bytes.starts_with(&[0xff]) { jpeg_end(bytes) } else { png_end(bytes) };
+    if let Some(end) = end.filter(|end| *end < bytes.len()) {
+        return Err(Fault::Image(format!("{} byte(s) follow its end", bytes.len() - end)));
+    }
     if decoded.color().has_alpha() {
         let opacity = decoded.to_rgba8();
         if opacity.pixels().any(|pixel| pixel.0[3] != opacity.get_pixel(0, 0).0[3]) {
@@ -138,6 +142,36 @@ fn decode(bytes: &[u8]) -> Result<GrayImage, Fault> {
         }
     }
     Ok(decoded.into_luma8())
+}
+
+/// Return where a PNG ends: after its chunk IEND (PNG, section 5.3).
+fn png_end(bytes: &[u8]) -> Option<usize> {
+    let mut at = 8;
+    loop {
+        let head: &[u8; 8] = bytes.get(at..)?.first_chunk()?;
+        let length = u32::from_be_bytes([head[0], head[1], head[2], head[3]]) as usize;
+        // Length, name and checksum take 12 bytes.
+        at = at.checked_add(length)?.checked_add(12)?;
+        if head.ends_with(b"IEND") {
+            return Some(at);
+        }
+    }
+}
+
+/// Return where a JPEG ends: after the marker that ends the image, which neither segments nor coded data hold (T.81, annex B).
+fn jpeg_end(bytes: &[u8]) -> Option<usize> {
+    let mut at = 2;
+    loop {
+        // Coded data and what fills the gaps before a marker.
+        while bytes.get(at)? != &0xff || matches!(bytes.get(at + 1)?, 0x00 | 0xff | 0xd0..=0xd7) {
+            at += 1;
+        }
+        if bytes[at + 1] == 0xd9 {
+            return Some(at + 2);
+        }
+        let length = u16::from_be_bytes([*bytes.get(at + 2)?, *bytes.get(at + 3)?]);
+        at += 2 + usize::from(length);
+    }
 }
 
 /// Refuse a size before memory is taken for it.

@@ -117,3 +117,52 @@ pub fn stl(facets: &[[[f32; 3]; 3]]) -> Vec<u8> {
     }
     bytes
 }
+
+/// Camera files as the programs write them that calibrate: 460.5, 457.25, 367.0, 248.5 with a lens, by name.
+pub const CAMERAS: [(&str, &str); 9] = [
+    (
+        "opencv.yaml",
+        "%YAML:1.0\n---\ncalibration_time: \"Tue 3 Mar 2020 10:11:12\"\nimage_width: 752\nimage_height: 480\nflags: 0\n\
+         camera_matrix: !!opencv-matrix\n   rows: 3\n   cols: 3\n   dt: d\n   data: [ 4.605e+02, 0., 367., 0., 4.5725e+02, 2.485e+02, 0., 0., 1. ]\n\
+         distortion_coefficients: !!opencv-matrix\n   rows: 5\n   cols: 1\n   dt: d\n   data: [ -2.8e-01, 7.e-02, 2.e-04, 1.7e-05, 0. ]\n\
+         avg_reprojection_error: 2.3e-01\n",
+    ),
+    (
+        "opencv.xml",
+        "<?xml version=\"1.0\"?>\n<opencv_storage>\n<image_width>752</image_width>\n<camera_matrix type_id=\"opencv-matrix\">\n  <rows>3</rows>\n\
+         <cols>3</cols>\n  <dt>d</dt>\n  <data>\n    460.5 0. 367. 0. 457.25\n    248.5 0. 0. 1.</data></camera_matrix>\n\
+         <distortion_coefficients type_id=\"opencv-matrix\"><rows>1</rows><cols>5</cols><dt>d</dt><data>\n\
+         -2.8e-01 7.e-02 2.e-04 1.7e-05 0.</data></distortion_coefficients>\n</opencv_storage>\n",
+    ),
+    (
+        "camera_info.yaml",
+        "image_width: 752\nimage_height: 480\ncamera_name: left\ncamera_matrix:\n  rows: 3\n  cols: 3\n  data: [460.5, 0, 367, 0, 457.25, 248.5, 0, 0, 1]\n",
+    ),
+    (
+        "topic.yaml",
+        "header:\n  seq: 1\n  frame_id: \"cam\"\nheight: 480\nwidth: 752\ndistortion_model: \"plumb_bob\"\n\
+         D: [-0.28, 0.07, 0.0002, 0.000017, 0.0]\nK: [460.5, 0.0, 367.0, 0.0, 457.25, 248.5, 0.0, 0.0, 1.0]\n\
+         R: [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0]\nP: [460.5, 0.0, 367.0, 0.0, 0.0, 457.25, 248.5, 0.0, 0.0, 0.0, 1.0, 0.0]\n---\n",
+    ),
+    (
+        "camchain.yaml",
+        "cam0:\n  cam_overlaps: []\n  camera_model: pinhole\n  distortion_coeffs: [-0.28, 0.07, 0.0002, 1.7e-05]\n  distortion_model: radtan\n  intrinsics: [460.5, 457.25, 367.0, 248.5]\n  resolution: [752, 480]\n  rostopic: /cam0/image_raw\n",
+    ),
+    (
+        "orb.yaml",
+        "%YAML:1.0\n\n# Camera Parameters\nCamera.type: \"PinHole\"\nCamera.fx: 460.5\nCamera.fy: 457.25\nCamera.cx: 367.0\nCamera.cy: 248.5\n\n\
+         Camera.k1: -0.28\nCamera.k2: 0.07\nCamera.p1: 0.0002\nCamera.p2: 1.7e-05\n",
+    ),
+    (
+        "own.json",
+        "{\"fx\": 460.5, \"fy\": 457.25, \"cx\": 367, \"cy\": 248.5, \"distortion_model\": \"plumb_bob\", \"distortion\": [-0.28, 0.07, 0.0002, 1.7e-5]}",
+    ),
+    (
+        "matrix.json",
+        "{\"camera_matrix\": [[460.5, 0, 367], [0, 457.25, 248.5], [0, 0, 1]], \"dist_coeff\": [[-0.28, 0.07, 0.0002, 0.000017, 0]]}",
+    ),
+    (
+        "pair.yaml",
+        "cam0:\n  camera_model: pinhole\n  intrinsics: [460.5, 457.25, 367.0, 248.5]\n  distortion_model: radtan\n  distortion_coeffs: [-0.28, 0.07, 0.0002, 1.7e-05]\ncam1:\n  camera_model: pinhole\n  intrinsics: [458.0, 456.0, 379.0, 255.0]\n  distortion_model: equidistant\n  distortion_coeffs: [-0.01, 0.02, -0.015, 0.003]\n  T_cn_cnm1:\n  - [1.0, 0.0, 0.0, -0.1]\n",
+    ),
+];

@@ -278,6 +278,9 @@ impl DynFamily for Orthonormalised {
     }
 }
 
+/// Most functions of a basis: their products take seconds then.
+const MAX_BASIS: usize = 512;
+
 pub(super) const ENTRY: FamilyEntry = FamilyEntry {
     name: "orthonormalised",
     summary: "any family, its values or gradients made orthonormal under the paper's weight or the target points",
@@ -317,6 +320,14 @@ pub(super) const ENTRY: FamilyEntry = FamilyEntry {
         let mut families = context.families.to_vec();
         families.push(&super::shared::trig::ENTRY);
         let inner = build_family(parameters.text("basis"), &BuildContext { families: &families, ..*context })?;
+        let apart = inner.per_coordinate().filter(|_| !joint);
+        let size = if context.dim > 0 { apart.unwrap_or(inner.num_basis(context.dim)) } else { 0 };
+        if size > MAX_BASIS {
+            let problem = format!(
+                "the basis has {size} functions, and at most {MAX_BASIS} can be orthonormalised; choose a smaller one"
+            );
+            return Err(data(&problem));
+        }
         let mut family = Orthonormalised::new(inner, weight, of, method);
         family.joint = joint;
         if context.dim > 0 && family.supports(context.dim) && family.num_features(context.dim) == 0 {

@@ -27,6 +27,10 @@ pub(super) const ENTRY: FamilyEntry = FamilyEntry {
             return Err(parameters.bad("nodes", "expected an odd number from 3 to 9").into());
         }
         let spread = parameters.number("spread", "a positive number", |s| s > 0.0 && s.is_finite())?;
+        if parameters.text("family").contains("quadrature-blur") {
+            let problem = "a blur of a blur costs nodes^dim times nodes^dim evaluations; blur once, with more nodes";
+            return Err(parameters.bad("family", problem).into());
+        }
         let inner = build_family(parameters.text("family"), context)?;
         Ok(Box::new(QuadratureBlur::new(Arc::from(inner), nodes, spread)))
     },

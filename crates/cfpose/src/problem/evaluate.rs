@@ -17,6 +17,9 @@ pub(super) struct FeatureMeans {
 
 impl MomentProblem {
     /// Evaluate means, residual and Jacobian at theta.
+    ///
+    /// # Panics
+    /// When theta has another length; [`MomentProblem::try_evaluate`] looks.
     pub fn evaluate(&self, theta: &[f64]) -> Evaluation {
         self.evaluate_with(theta, &self.execution)
     }

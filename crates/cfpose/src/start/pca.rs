@@ -1,7 +1,7 @@
 //! Principal axes of both sets, matched in order, with every choice of signs.
 
 use super::{Moments, REFLECTIONS, StartContext, StartEntry, StartStrategy, reflections_of};
-use crate::error::Error;
+use crate::error::{Error, Side};
 use crate::geometry::linalg::symmetric_eigen;
 use crate::model::LinearKind;
 
@@ -37,7 +37,9 @@ impl StartStrategy for Pca {
         };
         if !(0..dim).all(|axis| stretch(axis).is_finite() && stretch(axis) > 0.0) {
             let problem = "start `pca` needs points with extent in every direction that the model scales";
-            return Err(Error::Unsupported(problem.to_string()));
+            let flat = |spread: &[f64]| spread[..dim].iter().any(|s| !(s.is_finite() && *s > 0.0));
+            let side = if flat(&spread_p) { Side::Source } else { Side::Target };
+            return Err(Error::Data { side, problem: problem.to_string() });
         }
         let mut starts = Vec::new();
         for choice in 0..1_u8 << dim {

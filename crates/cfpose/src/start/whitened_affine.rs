@@ -5,7 +5,7 @@ use std::f64::consts::PI;
 use super::{Moments, Proposal, REFLECTIONS, StartContext, StartEntry, StartStrategy};
 use super::{reflections_of, rotations, screened};
 use crate::entry::ParameterSpec;
-use crate::error::Error;
+use crate::error::{Error, Side};
 use crate::geometry::linalg::symmetric_eigen;
 use crate::model::LinearKind;
 
@@ -44,9 +44,10 @@ impl StartStrategy for WhitenedAffine {
         };
         let dim = group.dim;
         let moments = Moments::new(context, dim)?;
-        let flat = || Error::Unsupported("start `whitened-affine` needs points with extent in every direction".into());
-        let unwhiten = power(&moments.target_covariance, dim, 0.5).ok_or_else(flat)?;
-        let whiten = power(&moments.source_covariance, dim, -0.5).ok_or_else(flat)?;
+        let problem = "start `whitened-affine` needs points with extent in every direction";
+        let flat = |side| move || Error::Data { side, problem: problem.to_string() };
+        let unwhiten = power(&moments.target_covariance, dim, 0.5).ok_or_else(flat(Side::Target))?;
+        let whiten = power(&moments.source_covariance, dim, -0.5).ok_or_else(flat(Side::Source))?;
         let mut proposals = Vec::new();
         for mirrored in [false, true] {
             if mirrored && !self.reflections {
