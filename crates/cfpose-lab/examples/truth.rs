@@ -9,7 +9,7 @@ use std::sync::mpsc;
 
 use cfpose::entry::find;
 use cfpose::{Estimator, Execution, Registry, Supervision};
-use cfpose_lab::calibration::mahalanobis;
+use cfpose_lab::calibration::estimate_mahalanobis;
 use cfpose_lab::method::Method;
 use cfpose_lab::{Determined, Scenario, nearest_truth, scenarios, seed};
 use cfpose_optim::Manifold;
@@ -64,9 +64,8 @@ fn run(
     let possible = trial.determined != Determined::Nothing;
     let right = possible && estimate.usable() && found.is_some_and(|(error, _)| trial.success.holds(&error));
     let verdict = estimate.verdict.map_or("none", |verdict| verdict.name()).to_string();
-    let squared = found.zip(estimate.statistics.as_ref()).and_then(|((_, truth), statistics)| {
-        let dof = layout.manifold().tangent();
-        Some((mahalanobis(layout.manifold(), &estimate.theta, truth, &statistics.covariance)?, dof))
+    let squared = found.and_then(|(_, truth)| {
+        Some((estimate_mahalanobis(&estimator, &estimate, truth)?, layout.manifold().tangent()))
     });
     let wrong_good = verdict == "good" && !(right && trial.determined == Determined::Theta);
     let text = format!(

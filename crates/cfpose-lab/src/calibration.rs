@@ -1,8 +1,8 @@
 //! Whether reported uncertainties are true: errors in units of the reported covariance.
 
-use cfpose::PoseError;
 use cfpose::free::columns;
 use cfpose::theta::Layout;
+use cfpose::{Estimate, Estimator, PoseError};
 use cfpose_optim::Manifold;
 
 /// Return the squared Mahalanobis distance d' C^-1 d of the truth from the estimate, d the tangent step from the estimate to
@@ -20,11 +20,29 @@ use cfpose_optim::Manifold;
 /// ```
 pub fn mahalanobis(manifold: &dyn Manifold, estimate: &[f64], truth: &[f64], covariance: &[f64]) -> Option<f64> {
     let (ambient, n) = (manifold.ambient(), manifold.tangent());
-    if estimate.len() != ambient || truth.len() != ambient || covariance.len() != n * n {
+    if estimate.len() != ambient || truth.len() != ambient {
         return None;
     }
     let mut step = vec![0.0; n];
     manifold.local(estimate, truth, &mut step);
+    squared_in_units_of(&step, covariance)
+}
+
+/// Return the distance of [`mahalanobis`] of an estimate, in the coordinates in which its covariance is well conditioned.
+pub fn estimate_mahalanobis(estimator: &Estimator, estimate: &Estimate, truth: &[f64]) -> Option<f64> {
+    let statistics = estimate.statistics.as_ref()?;
+    match (&statistics.covariance_at_centroid, estimator.step_at_centroid(&estimate.theta, truth)) {
+        (Some(covariance), Some(step)) if estimate.undetermined.is_empty() => squared_in_units_of(&step, covariance),
+        _ => mahalanobis(estimator.model().layout.manifold(), &estimate.theta, truth, &statistics.covariance),
+    }
+}
+
+/// d' C^-1 d, `None` where C is not positive definite.
+fn squared_in_units_of(step: &[f64], covariance: &[f64]) -> Option<f64> {
+    let n = step.len();
+    if covariance.len() != n * n {
+        return None;
+    }
     // Deviations first: angles and lengths have different units.
     let deviations: Vec<f64> = (0..n).map(|i| covariance[i * n + i].sqrt()).collect();
     if !deviations.iter().all(|s| *s > 0.0 && s.is_finite()) {

@@ -12,6 +12,7 @@
 
 pub mod calibration;
 mod cell;
+pub mod conditions;
 pub mod config;
 pub mod curves;
 mod data;

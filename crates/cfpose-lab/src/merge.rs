@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use serde_json::json;
 
+use crate::conditions::condition_tables;
 use crate::config::Experiment;
 use crate::error::LabError;
 use crate::folder::lock::FolderLock;
@@ -25,6 +26,8 @@ pub struct Merged {
     pub experiment: Experiment,
     /// Rows of `summary.json`.
     pub rows: Vec<SummaryRow>,
+    /// Tables in Markdown of the conditions that scenarios draw; empty where none does.
+    pub conditions: String,
     /// Records found.
     pub records: usize,
     /// Records of a complete run.
@@ -241,7 +244,8 @@ pub(crate) fn write_tables(folder: &Path, collected: Collected, _lock: &FolderLo
     write("results.csv", &report::results_csv(&collected.records))?;
     write("timings.csv", &report::timings_csv(&collected.records))?;
     write("summary.json", &pretty(&json!(rows)))?;
-    write("tables.md", &tables(&collected.experiment, &rows))?;
+    let conditions = condition_tables(&collected.records);
+    write("tables.md", &format!("{}{conditions}", tables(&collected.experiment, &rows)))?;
     write(
         "report.html",
         &report::html(&collected.experiment, &rows, collected.records.len(), collected.plan.num_records()),
@@ -251,6 +255,7 @@ pub(crate) fn write_tables(folder: &Path, collected: Collected, _lock: &FolderLo
     Ok(Merged {
         experiment: collected.experiment,
         rows,
+        conditions,
         records: collected.records.len(),
         expected: collected.plan.num_records(),
     })

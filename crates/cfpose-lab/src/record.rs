@@ -57,6 +57,9 @@ pub struct Record {
     pub usable: bool,
     /// `good`, `suspect`, `failed`, or nothing where the weighting has no statistic.
     pub verdict: Option<String>,
+    /// What the estimate is the best fit of: `moments` or `points`.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub by: Option<String>,
     /// Reported standard deviation of the noise.
     #[serde(default)]
     pub noise_sigma: Option<f64>,

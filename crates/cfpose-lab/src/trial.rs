@@ -10,7 +10,7 @@ use cfpose::{BuildContext, Estimate, Estimator, Execution, PoseError, Supervisio
 use cfpose_optim::Manifold;
 use serde_json::Map;
 
-use crate::calibration::mahalanobis;
+use crate::calibration::estimate_mahalanobis;
 use crate::config::Experiment;
 use crate::lab::Lab;
 use crate::method::Method;
@@ -109,6 +109,7 @@ impl Bench<'_> {
             status: "unsupported".to_string(),
             usable: false,
             verdict: Some("failed".to_string()),
+            by: None,
             noise_sigma: None,
             j_statistic: None,
             degrees_of_freedom: None,
@@ -140,18 +141,27 @@ impl Bench<'_> {
     ) {
         let solved = self.prepare(scenario, trial, planned, method).and_then(|estimator| {
             let deadline = self.experiment.deadline_secs.map(Duration::from_secs_f64);
-            estimator.solve(Supervision { cancel: self.cancel, deadline, observer: None })
+            let estimate = estimator.solve(Supervision { cancel: self.cancel, deadline, observer: None })?;
+            Ok((estimator, estimate))
         });
         match solved {
-            Ok(estimate) => self.score(scenario, trial, &estimate, record),
+            Ok((estimator, estimate)) => self.score(scenario, trial, &estimator, &estimate, record),
             Err(problem) => record.message = Some(problem.to_string()),
         }
     }
 
-    fn score(&self, scenario: &dyn Scenario, trial: &Trial, estimate: &Estimate, record: &mut Record) {
+    fn score(
+        &self,
+        scenario: &dyn Scenario,
+        trial: &Trial,
+        estimator: &Estimator,
+        estimate: &Estimate,
+        record: &mut Record,
+    ) {
         record.status = estimate.outcome.status.name().to_string();
         record.usable = estimate.usable();
         record.verdict = estimate.verdict.map(|verdict| verdict.name().to_string());
+        record.by = Some(if estimate.refined { "points" } else { "moments" }.to_string());
         record.cost = Some(estimate.outcome.cost).filter(|cost| cost.is_finite());
         record.evaluations = estimate.evaluations;
         record.iterations = estimate.iterations;
@@ -177,7 +187,7 @@ impl Bench<'_> {
             record.j_statistic = Some(statistics.j_statistic).filter(|value| value.is_finite());
             record.degrees_of_freedom = Some(statistics.degrees_of_freedom);
             record.p_value = Some(statistics.p_value);
-            record.mahalanobis = mahalanobis(manifold, &estimate.theta, truth, &statistics.covariance);
+            record.mahalanobis = estimate_mahalanobis(estimator, estimate, truth);
             record.mahalanobis_dof = record.mahalanobis.map(|_| manifold.tangent());
         }
     }

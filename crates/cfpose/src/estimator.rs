@@ -132,6 +132,7 @@ impl Estimator {
         let model = registry.model(&settings.model, &context)?;
         let mut settings = settings.clone();
         if let Some(Start::Given(thetas)) = &mut settings.start {
+            thetas.iter().try_for_each(|theta| model.layout.check_ambient(theta))?;
             thetas.iter_mut().for_each(|theta| onto_manifold(&model, theta));
         }
         let base = settings.given_starts().first().unwrap_or(&model.identity).clone();
@@ -163,6 +164,7 @@ impl Estimator {
     /// # Errors
     /// As [`Estimator::solve`].
     pub fn solve_from(&self, starts: &[Vec<f64>], supervision: Supervision<'_>) -> Result<Estimate, Error> {
+        starts.iter().try_for_each(|theta| self.model().layout.check_ambient(theta))?;
         let starts: Vec<Vec<f64>> = starts.iter().map(|theta| self.parts.hold(theta)).collect();
         self.search(Some(starts), supervision)
     }
@@ -323,6 +325,16 @@ impl Estimator {
     /// [`Error::Unsupported`] for a strategy that does not apply to the model.
     pub fn starts(&self) -> Result<Vec<Vec<f64>>, Error> {
         Search::new(&self.parts, &self.pipeline, &self.stages).given()
+    }
+
+    /// Return the step that leads from one theta to another (ambient) in the coordinates of
+    /// [`Statistics::covariance_at_centroid`](crate::statistics::Statistics): turns about the middle of the source, shifts of its image; `None`
+    /// for models without it.
+    pub fn step_at_centroid(&self, from: &[f64], to: &[f64]) -> Option<Vec<f64>> {
+        let centred = self.parts.centred.as_ref()?;
+        let mut step = vec![0.0; centred.tangent()];
+        centred.local(from, to, &mut step);
+        Some(step)
     }
 
     /// Return the number of free tangent directions of the model.

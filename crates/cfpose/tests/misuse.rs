@@ -452,3 +452,19 @@ fn sides_of_a_good_model_are_as_before() {
     let found = estimate(&registry(), &settings, &points(60), &points(60), &Execution::default());
     assert!(found.unwrap().theta.iter().all(|value| value.abs() < 1e-9));
 }
+
+#[test]
+fn a_theta_of_another_length_is_named_wherever_it_enters() {
+    let registry = Registry::default();
+    let (source, target) = (points(60), points(60));
+    let settings = Settings::preset("auto", "rigid2").unwrap();
+    let ready = |settings: &Settings| Estimator::new(&registry, settings, &source, &target, &Execution::default());
+    let short = ready(&settings.clone().start_at(vec![0.1, 0.2])).err().unwrap().to_string();
+    assert!(short.contains("theta needs 3 numbers") && short.contains("found 2"), "{short}");
+    let estimator = ready(&settings).unwrap();
+    let long = estimator.solve_from(&[vec![0.0; 5]], cfpose::Supervision::default()).err().unwrap().to_string();
+    assert!(long.contains("found 5"), "{long}");
+    assert!(estimator.evaluate(&[0.0]).err().unwrap().to_string().contains("found 1"));
+    let wild = estimator.evaluate(&[0.0, f64::NAN, 0.0]).err().unwrap().to_string();
+    assert!(wild.contains("number 2 of theta is NaN"), "{wild}");
+}

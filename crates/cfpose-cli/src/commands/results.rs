@@ -62,7 +62,7 @@ pub fn merge(args: &FolderArgs, lab: &Lab) -> Result<(), Failure> {
 pub fn report(args: &FolderArgs, lab: &Lab) -> Result<(), Failure> {
     output::keep_apart(&cfpose_lab::folder::own_files(&args.folder)?, &[args.json.as_deref()])?;
     let merged = cfpose_lab::merge(lab, &args.folder)?;
-    let tables = cfpose_lab::merge::tables(&merged.experiment, &merged.rows);
+    let tables = cfpose_lab::merge::tables(&merged.experiment, &merged.rows) + &merged.conditions;
     output::show(&format!("{tables}\n{}", counted(args, &merged)), args.json.as_deref())?;
     output::write_json(&merged.rows, args.json.as_deref())
 }

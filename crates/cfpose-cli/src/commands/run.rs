@@ -130,7 +130,7 @@ fn dry(args: &RunArgs, lab: &Lab, experiment: &Experiment, shard: Shard) -> Resu
 fn tell(args: &RunArgs, out: &Path, shard: Shard, report: &RunReport) -> Result<(), Failure> {
     let mut text = String::new();
     if let Some(merged) = &report.merged {
-        text = cfpose_lab::merge::tables(&merged.experiment, &merged.rows) + "\n";
+        text = cfpose_lab::merge::tables(&merged.experiment, &merged.rows) + &merged.conditions + "\n";
     }
     text += &format!(
         "{} records computed, {} were there; {} of {} in {}",

@@ -23,6 +23,7 @@ impl Estimator {
     /// # Errors
     /// As [`Estimator::new`].
     pub fn evaluate(&self, theta: &[f64]) -> Result<(Minimised, Evaluation), Error> {
+        self.model().layout.check_ambient(theta)?;
         let settings = &self.parts.settings;
         let stage = match &settings.pipeline {
             Some(_) => self.stages.last().stage.clone(),

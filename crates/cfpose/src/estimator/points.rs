@@ -53,7 +53,10 @@ impl Search<'_> {
         let covariance = full.covariance(&placed, &fit.mixture);
         let fine = self.likelihood(self.parts.criteria.fine_points, 12, "modes")?;
         let undetermined = match (&fine, fit.mixture.kernel) {
-            (Some(fine), Kernel::Shape) => self.undetermined(fine, &chosen.fit),
+            (Some(fine), Kernel::Shape) => {
+                let several = modes.all[1..].iter().any(|mode| mode.is_equal(&self.parts.criteria));
+                self.undetermined(fine, &chosen.fit, several)
+            }
             _ => Vec::new(),
         };
         let evidence = self.evidence(modes, &full, &placed, &fit, covariance.as_deref());

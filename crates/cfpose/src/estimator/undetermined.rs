@@ -41,19 +41,22 @@ pub(super) fn without(undetermined: &[Undetermined], covariance: &mut [f64]) {
 }
 
 impl Search<'_> {
-    /// Return the directions that are not determined at a fit.
-    pub fn undetermined(&self, fine: &PointsLikelihood<'_>, fit: &Fit) -> Vec<Undetermined> {
+    /// Return the directions that are not determined at a fit, weakest first; `several` says that the data know several modes.
+    pub fn undetermined(&self, fine: &PointsLikelihood<'_>, fit: &Fit, several: bool) -> Vec<Undetermined> {
         let Some(information) = fine.smooth_information(&fit.theta, &fit.mixture) else { return Vec::new() };
         let scales = self.scales(&fit.theta);
         let n = scales.len();
+        // By descending information.
         let (values, vectors) = symmetric_eigen_any(n, |i, j| information[i * n + j] * scales[i] * scales[j]);
         let mut found = Vec::new();
-        for (value, vector) in values.iter().zip(&vectors) {
+        for (value, vector) in values.iter().zip(&vectors).rev() {
             // The deviation that the smoothed likelihood lets expect.
             let deviation = value.max(1e-12).sqrt().recip();
-            if deviation > self.parts.criteria.weak && self.can_walk(fine, fit, vector, &scales) {
-                found.push(Undetermined { direction: vector.clone(), words: self.words(vector) });
+            let is_weak = several || deviation > self.parts.criteria.weak;
+            if !is_weak || !self.can_walk(fine, fit, vector, &scales) {
+                break;
             }
+            found.push(Undetermined { direction: vector.clone(), words: self.words(vector) });
         }
         found
     }

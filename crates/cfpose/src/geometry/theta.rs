@@ -100,6 +100,24 @@ impl Layout {
         &self.blocks
     }
 
+    /// Check the length and the values of an ambient theta.
+    ///
+    /// # Errors
+    /// [`ThetaError::Count`] and [`ThetaError::NotFinite`].
+    pub fn check_ambient(&self, theta: &[f64]) -> Result<(), ThetaError> {
+        use cfpose_optim::manifold::Manifold;
+        let expected = self.manifold.ambient();
+        if theta.len() != expected {
+            let names: Vec<&str> = self.blocks.iter().map(|block| block.name).collect();
+            let layout = format!("ambient coordinates of {}", names.join(", "));
+            return Err(ThetaError::Count { expected, found: theta.len(), layout });
+        }
+        match theta.iter().position(|v| !v.is_finite()) {
+            Some(index) => Err(ThetaError::NotFinite { position: index + 1, value: theta[index] }),
+            None => Ok(()),
+        }
+    }
+
     /// Return the product manifold.
     pub fn manifold(&self) -> &Product {
         &self.manifold
