@@ -161,7 +161,7 @@ impl Search<'_> {
     /// Ascend from theta, as a shape and as copies of points.
     fn polish(&self, fine: &PointsLikelihood<'_>, theta: &[f64], fits: &mut Vec<Fit>) {
         let most = most_likely(fits).map_or(f64::NEG_INFINITY, |fit| fit.log_likelihood);
-        let Some(shape) = fine.ascend(theta, Kernel::Shape, 15, most) else { return };
+        let Some(shape) = fine.ascend(theta, Kernel::Shape, 30, most) else { return };
         let copies = fine.ascend(&shape.theta, Kernel::Copies, 8, most.max(shape.log_likelihood));
         let usable = |fit: &Fit| fit.log_likelihood.is_finite() && self.is_plausible(&fit.theta);
         fits.extend([Some(shape), copies].into_iter().flatten().filter(usable));

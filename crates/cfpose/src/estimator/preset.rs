@@ -102,7 +102,8 @@ fn projective(relations: &Relations, model: &Model) -> Pipeline {
 fn direct(model: &Model) -> Pipeline {
     let (dim, unknowns) = (model.dim(), model.layout.manifold().tangent());
     let waves = if dim == 3 { 32 } else { 12 };
-    let known = model.linear.is_some() || model.regulariser.is_none() && unknowns < waves;
+    // The first stage has to have a function for each unknown: a warp of many control points has its own features.
+    let known = unknowns <= waves && model.linear.is_some() || model.regulariser.is_none() && unknowns < waves;
     if dim == 1 || !known {
         return plain(model);
     }
@@ -145,7 +146,11 @@ fn direct(model: &Model) -> Pipeline {
 /// Models without additive noise: their own features, the identity weighting, no statistic.
 fn plain(model: &Model) -> Pipeline {
     let no_grid = model.linear.is_some() || !rotates(model);
-    let global = if no_grid { None } else { Some("grid[count=72,keep=8]".to_string()) };
+    let global = match &model.linear {
+        Some(group) if group.kind == LinearKind::General => Some("whitened-affine".to_string()),
+        _ if no_grid => None,
+        _ => Some("grid[count=72,keep=8]".to_string()),
+    };
     Pipeline { global_start: global, ..Pipeline::new(vec![Stage::new("only", model.basin.features)]) }
 }
 

@@ -3,6 +3,10 @@
 use super::{Kernel, Mixture, NEGLIGIBLE, Placed, PointsLikelihood, Precision};
 use crate::geometry::linalg::{add_outer, invert, symmetrise};
 
+/// Deviation of the shape between its points, in tangential widths of a kernel: set on noise-free curves and surfaces of 100 to 1000
+/// points, whose mean squared error was 1.3 to 4.5 times the variance without it.
+const DISCRETISATION: f64 = 0.05;
+
 impl PointsLikelihood<'_> {
     /// Return the covariance of the tangent coordinates, `None` where the information is singular.
     ///
@@ -15,7 +19,20 @@ impl PointsLikelihood<'_> {
         let observed: Vec<f64> = sums.complete.iter().zip(&sums.lost).map(|(c, l)| c - l).collect();
         let inverse = invert(n, &observed)?;
         let meat = self.meat(placed, mixture);
-        Some(product(n, &product(n, &inverse, &meat), &inverse))
+        let factor = self.discretisation(placed, mixture);
+        let covariance = product(n, &product(n, &inverse, &meat), &inverse);
+        Some(covariance.into_iter().map(|value| factor * value).collect())
+    }
+
+    /// Return the factor by which the shape between its points, which is known at the points alone, enlarges the variances: it counts where
+    /// the noise is small against the distances.
+    fn discretisation(&self, placed: &Placed, mixture: &Mixture) -> f64 {
+        if mixture.kernel == Kernel::Copies {
+            return 1.0;
+        }
+        let mut widths: Vec<f64> = placed.frames.iter().map(|frame| frame.across.max(frame.along)).collect();
+        widths.sort_by(f64::total_cmp);
+        1.0 + (DISCRETISATION / mixture.sigma).powi(2) * widths[widths.len() / 2]
     }
 
     fn meat(&self, placed: &Placed, mixture: &Mixture) -> Vec<f64> {

@@ -17,8 +17,8 @@ pub(crate) struct Fit {
 
 /// A fit that is so many nats behind after some steps is given up.
 const FAR: f64 = 80.0;
-/// The noise has to shrink first: an equal mode is far behind for some steps.
-const GIVE_UP: usize = 8;
+/// Steps before that.
+const GIVE_UP: usize = 5;
 /// A step that promises less than this is the last.
 const NATS: f64 = 1e-3;
 /// Root mean square displacement of a step, in sizes of the target, at most.
@@ -42,13 +42,16 @@ impl PointsLikelihood<'_> {
             };
             theta = next;
             converged = gain < NATS;
-            if iterations == GIVE_UP && sums.log_likelihood + gain < least - FAR {
-                return None;
-            }
             // Frames, noise and clutter follow theta.
             placed = self.place(&theta, true)?;
             self.reweigh(&mut placed, &mixture);
+            let before = mixture.sigma;
             mixture = self.updated(self.variance(&placed, &mixture), &mixture);
+            // An equal mode is far behind while its noise still shrinks.
+            let stands = mixture.sigma > 0.9 * before;
+            if iterations >= GIVE_UP && stands && sums.log_likelihood + gain < least - FAR {
+                return None;
+            }
             sums = self.sums(&placed, &mixture);
         }
         let (mixture, log_likelihood) = self.best_mixture(&mut placed, kernel, 10);
