@@ -118,7 +118,15 @@ impl Search<'_> {
             rough.extend(coarse.align(&adopt(&theta), &REACHES[..1], STEPS));
         }
         rough.sort_by(|a, b| b.0.total_cmp(&a.0));
-        for (_, theta) in rough.into_iter().take(self.parts.criteria.aligned) {
+        // Many starts lead to one place.
+        let mut chosen: Vec<Vec<f64>> = Vec::new();
+        for (_, theta) in rough {
+            let is_new = chosen.iter().all(|other| self.apart(other, &theta) > ONE_MODE);
+            if chosen.len() < self.parts.criteria.aligned && is_new {
+                chosen.push(theta);
+            }
+        }
+        for theta in chosen {
             let aligned = coarse.align(&theta, &REACHES[1..], STEPS);
             scored.extend(aligned.and_then(|(_, theta)| score(coarse, theta)));
         }
