@@ -124,7 +124,7 @@ fn units_and_offsets_change_nothing() {
     let rows = |points: &Points| (0..points.len()).map(|k| points.point(k)).collect::<Vec<_>>();
     let target = rows(&noisy(&placed(&rows(&seen), &pose()), PointKind::Plain(3), 0.002, &mut rng));
     let plain = solve(&auto("rigid3"), &source, &Points::from_rows(&target).unwrap()).unwrap();
-    let truth = PoseError::between(&plain.pose.clone().unwrap(), &pose());
+    let truth = PoseError::between(&plain.pose.unwrap(), &pose());
     assert!(truth.total() < 0.05 && plain.verdict == Some(Verdict::Good), "{truth:?} {:?}", plain.warnings);
     for (unit, offset) in [(1e-6, 0.0), (1e6, 0.0), (1.0, 5e5), (1000.0, 4e6)] {
         let place = |rows: &[[f64; 3]]| {
@@ -132,10 +132,10 @@ fn units_and_offsets_change_nothing() {
         };
         let (p, q) = (place(&rows(&source)), place(&target));
         let found = solve(&auto("rigid3"), &p, &q).unwrap();
-        let found_pose = found.pose.clone().unwrap();
+        let found_pose = found.pose.unwrap();
         // Where the source's first point goes, in units of the shape.
         let there = found_pose.apply(p.point(0)).map(|x| (x - offset) / unit);
-        let plain_there = plain.pose.clone().unwrap().apply(source.point(0));
+        let plain_there = plain.pose.unwrap().apply(source.point(0));
         let shift = (0..3).map(|d| (there[d] - plain_there[d]).powi(2)).sum::<f64>().sqrt();
         let precision = 1e-3 * 0.05 + 1e-9 * offset / unit;
         println!("unit {unit}, offset {offset}: shift {shift:.2e}, {:?}", found.verdict);

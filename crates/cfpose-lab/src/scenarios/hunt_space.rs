@@ -170,7 +170,7 @@ impl Scenario for HuntSpace {
         let centre = |theta: &[f64]| -> Option<[f64; 3]> {
             let pose = Pose::of_theta(layout, theta)?;
             let factor = scale(theta);
-            let turned = Pose { translation: [0.0; 3], ..pose.clone() }.apply([self.offset; 3]);
+            let turned = Pose { translation: [0.0; 3], ..pose }.apply([self.offset; 3]);
             Some(std::array::from_fn(|d| factor * turned[d] + pose.translation[d]))
         };
         let (a, b) = (centre(estimate)?, centre(truth)?);

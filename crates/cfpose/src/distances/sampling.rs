@@ -107,7 +107,8 @@ pub(crate) fn even(points: &Points, limit: usize) -> Result<Points, PointsError>
         })
         .collect();
     let size = bounds.iter().map(|(_, width)| *width).fold(0.0, f64::max);
-    if points.len() <= 3 || !(size > 0.0) {
+    let has_extent = size.is_finite() && size > 0.0;
+    if points.len() <= 3 || !has_extent {
         return Ok(points.clone());
     }
     // Cells per size of the set, by bisection.
