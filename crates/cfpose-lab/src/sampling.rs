@@ -3,6 +3,8 @@
 use rand::RngExt;
 use rand_chacha::ChaCha12Rng;
 
+use crate::shapes::direction;
+
 /// Permute rows: Fisher-Yates from the end, one draw each.
 pub fn shuffle<T>(rows: &mut [T], rng: &mut ChaCha12Rng) {
     for k in (1..rows.len()).rev() {
@@ -37,4 +39,12 @@ pub fn chosen<T: Copy>(values: &[(T, u32)], rng: &mut ChaCha12Rng) -> T {
         left -= share;
     }
     values[0].0
+}
+
+/// Keep the `kept` points that lie farthest back along a direction; draws the direction (three normals).
+pub fn cut_by_plane(points: &mut Vec<[f64; 3]>, kept: usize, rng: &mut ChaCha12Rng) {
+    let axis = direction(rng);
+    let along = |p: &[f64; 3]| p[0] * axis[0] + p[1] * axis[1] + p[2] * axis[2];
+    points.sort_by(|a, b| along(a).total_cmp(&along(b)));
+    points.truncate(kept);
 }

@@ -120,14 +120,14 @@ criteria! {
         "chosen: files of the same points lose a few rows, not more";
     /// Distance along normals, in spacings, beyond which a fit is too far off to show its sampling.
     near_sampling: f64 = 3.0, "spacings",
-        "chosen: closer fits are moved onto the shape first, by 6 steps of closest points";
+        "chosen: closer fits are aligned first, by 6 steps with a shrinking reach";
     /// Costs of screened starts, relative to the best, above which a start is not tried once a better one is accepted.
     clearly_worse: f64 = 3.0, "ratio of costs",
         "chosen: mirror images of flat patterns differ by less";
     /// Proposed starts that are screened for each one that is kept.
     screened: usize = 4, "starts",
         "a budget: 300 rotations, 32 screened, 8 kept";
-    /// Global starts that are tried before outliers are suspected.
+    /// Global starts that lead the means somewhere before the points are asked.
     first_global: usize = 2, "starts",
         "a budget: a failed start is cheaper to replace than outliers are to find";
     /// Perturbations of a given start in turn: standard deviations of the rotation, and of lengths in sizes of the source.
@@ -181,7 +181,7 @@ criteria! {
     /// Growth from one subset to the next, at least and at most.
     subset_growth: [f64; 2] = [4.0, 64.0], "ratio",
         "each subset costs at most a quarter of the next";
-    /// Target points of the first steps of a refinement by closest points.
+    /// Target points that a fit is aligned by before its sampling is asked.
     refine_points: usize = 500, "points",
-        "a budget: until it stands; all points then take 3 steps";
+        "a budget";
 }

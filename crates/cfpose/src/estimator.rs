@@ -13,6 +13,7 @@ use crate::entry::BuildContext;
 use crate::error::Error;
 use crate::geometry::centred::Centred;
 use crate::geometry::free::Freedom;
+use crate::geometry::linalg::congruent;
 use crate::geometry::pose::Pose;
 use crate::model::Model;
 use crate::problem::MomentProblem;
@@ -203,7 +204,7 @@ impl Estimator {
             best.deviation = Some(search.deviation(&theta, &statistics.covariance));
             if let Some(centred) = &self.parts.centred {
                 let here = statistics.covariance.clone();
-                statistics.covariance = moved(&centred.to_own(&theta), &here);
+                statistics.covariance = congruent(centred.tangent(), &centred.to_own(&theta), &here);
                 statistics.covariance_at_centroid = Some(here);
             }
             undetermined::without(&best.undetermined, &mut statistics.covariance);
@@ -356,13 +357,6 @@ impl Estimator {
     pub fn settings(&self) -> &Settings {
         &self.parts.settings
     }
-}
-
-/// M C M'.
-fn moved(m: &[f64], c: &[f64]) -> Vec<f64> {
-    let n = (c.len() as f64).sqrt() as usize;
-    let product: Vec<f64> = (0..n * n).map(|at| (0..n).map(|k| m[at / n * n + k] * c[k * n + at % n]).sum()).collect();
-    (0..n * n).map(|at| (0..n).map(|k| product[at / n * n + k] * m[at % n * n + k]).sum()).collect()
 }
 
 /// Return the manifold of turns about the middle of the source, for linear maps of points as they are.

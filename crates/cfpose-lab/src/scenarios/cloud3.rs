@@ -9,10 +9,10 @@ use rand::RngExt;
 use rand_chacha::ChaCha12Rng;
 use rand_distr::StandardNormal;
 
-use crate::sampling::{add_uniform, shuffle};
+use crate::sampling::{add_uniform, cut_by_plane, shuffle};
 use crate::scenario::{Scenario, ScenarioEntry, ScenarioError, Success, Trial};
 
-use crate::shapes::{Shape, Source, direction};
+use crate::shapes::{Shape, Source};
 
 /// Fewest points that the cut by `overlap` leaves.
 const MIN_POINTS: usize = 4;
@@ -64,11 +64,8 @@ impl Cloud3 {
         if self.overlap >= 1.0 {
             return;
         }
-        let axis = direction(rng);
-        let along = |p: &[f64; 3]| p[0] * axis[0] + p[1] * axis[1] + p[2] * axis[2];
-        points.sort_by(|a, b| along(a).total_cmp(&along(b)));
         let kept = (self.overlap * points.len() as f64).round() as usize;
-        points.truncate(kept.max(MIN_POINTS));
+        cut_by_plane(points, kept.max(MIN_POINTS), rng);
     }
 }
 

@@ -21,10 +21,13 @@ use crate::problem::MomentProblem;
 pub(crate) mod align;
 mod covariance;
 mod fit;
+mod kernels;
+mod mixture;
 mod shape;
 mod weights;
 
 pub(crate) use fit::Fit;
+use kernels::Precision;
 use shape::{Frame, Shape};
 
 /// What a kernel on a source point stands for.
@@ -46,10 +49,6 @@ pub(crate) struct Mixture {
     pub clutter: f64,
 }
 
-/// Clutter is between these shares.
-const CLUTTER: [f64; 2] = [1e-3, 0.85];
-/// Noise is between these shares of the target's size.
-const SIGMA: [f64; 2] = [2e-4, 0.25];
 /// Responsibilities below this are left out of the derivatives.
 const NEGLIGIBLE: f64 = 1e-4;
 
@@ -261,58 +260,6 @@ impl<'a> PointsLikelihood<'a> {
         sums
     }
 
-    /// Return the kernels of all source points.
-    fn kernels(&self, placed: &Placed, mixture: &Mixture) -> Kernels {
-        let dim = placed.mapped.dim as f64;
-        let log_inlier = (1.0 - mixture.clutter).ln() - 0.5 * dim * std::f64::consts::TAU.ln();
-        let each = placed.frames.iter().zip(&placed.log_weights).map(|(frame, log_weight)| {
-            let precision = Precision::of(frame, mixture);
-            let peak = log_inlier + log_weight - 0.5 * precision.log_determinant(dim);
-            [peak, -0.5 * precision.along, -0.5 * precision.across]
-        });
-        Kernels { each: each.collect(), log_clutter: mixture.clutter.ln() + self.log_uniform }
-    }
-
-    /// Return the mixture of a kernel that is most likely at a placement, and its log likelihood: s over a grid, c by its fixed point,
-    /// then both by theirs.
-    pub fn best_mixture(&self, placed: &mut Placed, kernel: Kernel, grid: usize) -> (Mixture, f64) {
-        let (mixture, _) = self.likely_mixture(placed, kernel, grid);
-        self.reweigh(placed, &mixture);
-        self.likely_mixture(placed, kernel, grid)
-    }
-
-    /// Return the kernel that is more likely at theta.
-    pub fn likely_kernel(&self, theta: &[f64]) -> Option<Kernel> {
-        let value = |kernel| Some(self.best_mixture(&mut self.place(theta, false)?, kernel, 12).1);
-        Some(if value(Kernel::Copies)? > value(Kernel::Shape)? { Kernel::Copies } else { Kernel::Shape })
-    }
-
-    fn likely_mixture(&self, placed: &Placed, kernel: Kernel, grid: usize) -> (Mixture, f64) {
-        let bounds = SIGMA.map(|share| share * self.size);
-        let mut best: Option<(Mixture, f64)> = None;
-        for k in 0..grid {
-            let sigma = bounds[0] * (bounds[1] / bounds[0]).powf(k as f64 / (grid - 1) as f64);
-            let mut mixture = Mixture { kernel, sigma, clutter: 0.1 };
-            let (_, inliers) = self.total(placed, &mixture);
-            mixture.clutter = self.clutter(inliers);
-            let (value, _) = self.total(placed, &mixture);
-            if best.as_ref().is_none_or(|(_, most)| value > *most) {
-                best = Some((mixture, value));
-            }
-        }
-        let (mut mixture, mut value) =
-            best.unwrap_or((Mixture { kernel, sigma: bounds[1], clutter: 0.5 }, f64::NEG_INFINITY));
-        for _ in 0..4 {
-            let next = self.updated(self.variance(placed, &mixture), &mixture);
-            let reached = self.log_likelihood(placed, &next);
-            if reached <= value + 1e-3 {
-                break;
-            }
-            (mixture, value) = (next, reached);
-        }
-        (mixture, value)
-    }
-
     /// Return the log likelihood alone.
     pub fn log_likelihood(&self, placed: &Placed, mixture: &Mixture) -> f64 {
         self.total(placed, mixture).0
@@ -334,41 +281,11 @@ impl<'a> PointsLikelihood<'a> {
         (sum - placed.cost, inliers)
     }
 
-    fn clutter(&self, inliers: f64) -> f64 {
-        (1.0 - inliers / self.target.len() as f64).clamp(CLUTTER[0], CLUTTER[1])
-    }
-
     /// Return for every target point the probability that it is no clutter.
     pub fn responsibilities(&self, placed: &Placed, mixture: &Mixture) -> Vec<f64> {
         let kernels = self.kernels(placed, mixture);
         let mut shares = vec![0.0; placed.each];
         (0..self.target.len()).map(|j| kernels.responsibilities(placed, j, &mut shares).1).collect()
-    }
-
-    /// Sum what a step of s^2 and c needs: weighted squares and weights of [`Precision::add_variance`], inliers.
-    fn variance(&self, placed: &Placed, mixture: &Mixture) -> ([f64; 2], f64) {
-        let kernels = self.kernels(placed, mixture);
-        let (mut shares, mut variance, mut inliers) = (vec![0.0; placed.each], [0.0; 2], 0.0);
-        for j in 0..self.target.len() {
-            inliers += kernels.responsibilities(placed, j, &mut shares).1;
-            for (at, (share, k)) in shares.iter().zip(placed.near_to(j)).enumerate() {
-                if *share > NEGLIGIBLE {
-                    let [on, off] = placed.squares[j * placed.each + at];
-                    let precision = Precision::of(&placed.frames[*k as usize], mixture);
-                    precision.add_variance(on, off, *share, placed.mapped.dim, &mut variance);
-                }
-            }
-        }
-        (variance, inliers)
-    }
-
-    /// One step of s^2 and c towards their most likely values.
-    fn updated(&self, (variance, inliers): ([f64; 2], f64), mixture: &Mixture) -> Mixture {
-        let [least, most] = SIGMA.map(|share| share * self.size);
-        let [square, weight] = variance;
-        let variance = if weight > 0.0 { square / weight } else { mixture.sigma * mixture.sigma };
-        let sigma = variance.max(0.1 * mixture.sigma * mixture.sigma).sqrt().clamp(least, most);
-        Mixture { kernel: mixture.kernel, sigma, clutter: self.clutter(inliers) }
     }
 }
 
@@ -376,88 +293,5 @@ impl Placed {
     /// Return the source points near target point `j`.
     fn near_to(&self, j: usize) -> &[u32] {
         &self.near[j * self.each..(j + 1) * self.each]
-    }
-}
-
-/// The kernels of all source points at one mixture: ln of the peak, and what multiplies the squares along and across the axis.
-struct Kernels {
-    each: Vec<[f64; 3]>,
-    log_clutter: f64,
-}
-
-impl Kernels {
-    /// Fill `shares` with the probabilities that target point `j` comes from each source point near it; return ln p(q) and their sum.
-    fn responsibilities(&self, placed: &Placed, j: usize, shares: &mut [f64]) -> (f64, f64) {
-        let mut largest = self.log_clutter;
-        let squares = &placed.squares[j * placed.each..(j + 1) * placed.each];
-        for ((share, k), [on, off]) in shares.iter_mut().zip(placed.near_to(j)).zip(squares) {
-            let [peak, along, across] = self.each[*k as usize];
-            *share = peak + along * on + across * off;
-            largest = largest.max(*share);
-        }
-        let mut inlier = 0.0;
-        for share in shares.iter_mut() {
-            let below = *share - largest;
-            *share = if below > -30.0 { below.exp() } else { 0.0 };
-            inlier += *share;
-        }
-        let total = inlier + (self.log_clutter - largest).exp();
-        shares.iter_mut().for_each(|share| *share /= total);
-        (largest + total.ln(), inlier / total)
-    }
-}
-
-/// The inverse of S = s^2 I + across (I - a a') + along a a'.
-struct Precision {
-    axis: [f64; 3],
-    /// Inverse variances along the axis and across it.
-    along: f64,
-    across: f64,
-    noise: f64,
-}
-
-impl Precision {
-    fn of(frame: &Frame, mixture: &Mixture) -> Self {
-        let noise = mixture.sigma * mixture.sigma;
-        let (along, across) = match mixture.kernel {
-            Kernel::Copies => (0.0, 0.0),
-            Kernel::Shape => (frame.along, frame.across),
-        };
-        Self { axis: frame.axis, along: (noise + along).recip(), across: (noise + across).recip(), noise }
-    }
-
-    fn project(&self, v: &[f64]) -> f64 {
-        self.axis.iter().zip(v).map(|(a, v)| a * v).sum()
-    }
-
-    /// ln det S in `dim` dimensions.
-    fn log_determinant(&self, dim: f64) -> f64 {
-        -(self.along.ln() + (dim - 1.0) * self.across.ln())
-    }
-
-    /// S^-1 v.
-    fn apply(&self, v: &[f64; 3]) -> [f64; 3] {
-        let on = (self.along - self.across) * self.project(v);
-        std::array::from_fn(|d| self.across * v[d] + on * self.axis[d])
-    }
-
-    /// Add share G' S^-1 G of a point to the lower triangle.
-    fn add_information(&self, mapped: &Mapped, k: usize, share: f64, matrix: &mut [f64]) {
-        let mut on_axis = vec![0.0; mapped.tangent];
-        for d in 0..mapped.dim {
-            let slope = mapped.slope(k, d);
-            add_outer(matrix, slope, share * self.across);
-            on_axis.iter_mut().zip(slope).for_each(|(sum, g)| *sum += self.axis[d] * g);
-        }
-        add_outer(matrix, &on_axis, share * (self.along - self.across));
-    }
-
-    /// Fisher scoring for s^2: each direction tells by its squared precision how far its square exceeds its tangential width.
-    fn add_variance(&self, on: f64, off: f64, share: f64, dim: usize, sums: &mut [f64; 2]) {
-        let (along, across) = (share * self.along * self.along, share * self.across * self.across);
-        let others = dim as f64 - 1.0;
-        let tangential = |precision: f64| precision.recip() - self.noise;
-        sums[0] += along * (on - tangential(self.along)) + across * (off - others * tangential(self.across));
-        sums[1] += along + others * across;
     }
 }

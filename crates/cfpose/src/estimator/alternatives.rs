@@ -80,10 +80,10 @@ impl Search<'_> {
         let nuisance = &best.theta[self.last().own()..];
         let of = |mode: &Mode| {
             let theta = [&mode.fit.theta[..self.last().own()], nuisance].concat();
-            let equal = mode.is_equal(&self.parts.criteria);
+            let equal = mode.behind.is_equal(&self.parts.criteria);
             let verdict = Some(if equal { Verdict::Ambiguous } else { Verdict::Suspect });
             let cost = best.problem.evaluate(&theta).cost;
-            Alternative { theta, cost, verdict, relative_likelihood: Some((-mode.behind[0]).exp()) }
+            Alternative { theta, cost, verdict, relative_likelihood: Some((-mode.behind.nats).exp()) }
         };
         best.modes.iter().map(of).collect()
     }

@@ -16,20 +16,31 @@ const REACHES: [f64; 3] = [0.25, 0.13, 0.07];
 /// Steps at each reach.
 const STEPS: usize = 4;
 /// Thetas closer than this are one mode: radians, sizes of the source.
-const ONE_MODE: f64 = 0.1;
+pub(super) const ONE_MODE: f64 = 0.1;
+/// Source points near a target point that may explain it: of few points, of more.
+const NEIGHBOURS: [usize; 2] = [8, 12];
+/// Points of each side that starts are proposed for.
+const PROPOSED_FOR: usize = 300;
 
 /// A mode of the likelihood.
 #[derive(Debug, Clone)]
 pub(super) struct Mode {
     pub fit: Fit,
-    /// Nats behind the most likely mode, and the same in standard deviations.
-    pub behind: [f64; 2],
+    pub behind: Behind,
 }
 
-impl Mode {
-    /// Say whether the data cannot tell the mode from the most likely one.
+/// How far a fit is behind another.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Behind {
+    pub nats: f64,
+    /// The same in standard deviations of a sum of as many independent differences.
+    pub deviations: f64,
+}
+
+impl Behind {
+    /// Say whether the data cannot tell the two apart.
     pub fn is_equal(&self, criteria: &Criteria) -> bool {
-        self.behind[0] < criteria.mode_nats || self.behind[1] < criteria.mode_deviations
+        self.nats < criteria.mode_nats || self.deviations < criteria.mode_deviations
     }
 }
 
@@ -44,7 +55,7 @@ impl Search<'_> {
     /// Look for all modes of the likelihood; `None` where it cannot be computed.
     pub fn modes(&mut self, found: &[Candidate], given: &[Vec<f64>]) -> Result<Option<Modes>, Error> {
         let coarse = self.covering(self.parts.criteria.coarse_points)?;
-        let fine = self.likelihood(self.parts.criteria.fine_points, 12, "modes")?;
+        let fine = self.comparison()?;
         let (Some(coarse), Some(fine)) = (coarse, fine) else { return Ok(None) };
         let starts = self.aligned(&coarse, found, given)?;
         let mut fits: Vec<Fit> = Vec::new();
@@ -61,12 +72,17 @@ impl Search<'_> {
         let mut all: Vec<Mode> = Vec::new();
         for fit in fits {
             if all.iter().all(|mode| self.apart(&mode.fit.theta, &fit.theta) > ONE_MODE) {
-                let behind = all.first().map_or([0.0; 2], |best| behind(&fine, &best.fit, &fit));
+                let behind = all.first().map_or(Behind::default(), |best| behind(&fine, &best.fit, &fit));
                 all.push(Mode { fit, behind });
             }
         }
         let gain = all.first().map_or(0.0, |mode| mode.fit.log_likelihood - fine.chance());
         Ok((!all.is_empty()).then_some(Modes { all, gain }))
+    }
+
+    /// Prepare the likelihood that modes are compared by.
+    pub fn comparison(&self) -> Result<Option<PointsLikelihood<'_>>, Error> {
+        self.likelihood(self.parts.criteria.fine_points, NEIGHBOURS[1], "modes")
     }
 
     /// Thin both sides of the last stage at random and prepare their likelihood.
@@ -89,7 +105,7 @@ impl Search<'_> {
         let stage = self.last();
         let source = even(&stage.all_source, num_source).map_err(of_side(Side::Source))?;
         let rows = self.parts_of_target(num_target / 2)?.map(|part| part.rows()).concat();
-        Ok(PointsLikelihood::new(&stage.problem, &source, rows, 8))
+        Ok(PointsLikelihood::new(&stage.problem, &source, rows, NEIGHBOURS[0]))
     }
 
     fn parts_of_target(&self, count: usize) -> Result<[Points; 2], Error> {
@@ -140,9 +156,9 @@ impl Search<'_> {
             return Ok(Vec::new());
         };
         let stage = self.last();
-        let source = even(&stage.sides.source, 300).map_err(of_side(Side::Source))?;
+        let source = even(&stage.sides.source, PROPOSED_FOR).map_err(of_side(Side::Source))?;
         let mut thetas = Vec::new();
-        for part in self.parts_of_target(300)? {
+        for part in self.parts_of_target(PROPOSED_FOR)? {
             let target = central(&part).map_err(of_side(Side::Target))?;
             thetas.extend(self.proposals_for(name, stage, &source, &target)?);
         }
@@ -183,18 +199,18 @@ fn most_likely(fits: &[Fit]) -> Option<&Fit> {
 /// Return by how many nats a fit is behind another, and that in standard deviations of a sum of as many independent differences: Vuong's
 /// test (1989) of two models that do not contain each other. Where the target is a new sample of a symmetric shape, one of the
 /// equal poses is ahead by chance, by more nats the more points there are.
-pub(super) fn behind(likelihood: &PointsLikelihood<'_>, best: &Fit, other: &Fit) -> [f64; 2] {
+pub(super) fn behind(likelihood: &PointsLikelihood<'_>, best: &Fit, other: &Fit) -> Behind {
     let each = |fit: &Fit| {
         let mut placed = likelihood.place(&fit.theta, false)?;
         likelihood.reweigh(&mut placed, &fit.mixture);
         Some(likelihood.log_each(&placed, &fit.mixture))
     };
     let nats = best.log_likelihood - other.log_likelihood;
-    let (Some(a), Some(b)) = (each(best), each(other)) else { return [nats, 0.0] };
+    let (Some(a), Some(b)) = (each(best), each(other)) else { return Behind { nats, deviations: 0.0 } };
     let differences: Vec<f64> = a.iter().zip(&b).map(|(a, b)| a - b).collect();
     let mean = differences.iter().sum::<f64>() / differences.len() as f64;
     let square: f64 = differences.iter().map(|d| (d - mean).powi(2)).sum();
-    [nats, if square > 0.0 { nats / square.sqrt() } else { 0.0 }]
+    Behind { nats, deviations: if square > 0.0 { nats / square.sqrt() } else { 0.0 } }
 }
 
 /// Score a theta by the likelihood of its best mixture.

@@ -3,7 +3,7 @@
 
 use super::Supervision;
 use super::candidate::{Candidate, PointFit};
-use super::modes::{Mode, Modes};
+use super::modes::{Mode, Modes, ONE_MODE};
 use super::search::Search;
 use crate::distances::likelihood::{Fit, Kernel, Mixture, Placed, PointsLikelihood};
 use crate::distances::sampling::Sampling;
@@ -42,33 +42,7 @@ impl Search<'_> {
         supervision: &mut Supervision<'_>,
     ) -> Result<Option<Candidate>, Error> {
         let chosen = self.chosen(modes, given);
-        let Some(full) = self.wide_enough(&chosen.fit)? else { return Ok(None) };
-        // All points say better than some whether they are copies.
-        let kernel = full.likely_kernel(&chosen.fit.theta).unwrap_or(chosen.fit.mixture.kernel);
-        let Some(fit) = full.ascend(&chosen.fit.theta, kernel, 15, f64::NEG_INFINITY) else {
-            return Ok(None);
-        };
-        let Some(mut placed) = full.place(&fit.theta, true) else { return Ok(None) };
-        full.reweigh(&mut placed, &fit.mixture);
-        let covariance = full.covariance(&placed, &fit.mixture);
-        let fine = self.likelihood(self.parts.criteria.fine_points, 12, "modes")?;
-        let undetermined = match (&fine, fit.mixture.kernel) {
-            (Some(fine), Kernel::Shape) => {
-                let several = modes.all[1..].iter().any(|mode| mode.is_equal(&self.parts.criteria));
-                self.undetermined(fine, &chosen.fit, several)
-            }
-            _ => Vec::new(),
-        };
-        let evidence = self.evidence(modes, &full, &placed, &fit, covariance.as_deref());
-        let n = placed.mapped.tangent;
-        drop(full);
-        let point_fit = PointFit {
-            message: format!("likelihood of the points, {} iterations", fit.iterations),
-            converged: fit.converged,
-            theta: fit.theta.clone(),
-            sigma: fit.mixture.sigma,
-            covariance: covariance.unwrap_or_else(|| vec![f64::NAN; n * n]),
-        };
+        let Some((point_fit, fit, evidence)) = self.polished(modes, chosen)? else { return Ok(None) };
         let Some(mut candidate) = self.means_at(&fit, supervision)? else { return Ok(None) };
         if !self.means_agree(&candidate, &fit, &evidence) {
             candidate.take(&point_fit);
@@ -79,11 +53,39 @@ impl Search<'_> {
             }
         }
         candidate.support = Some(self.last().support(&candidate.theta)?);
-        candidate.modes =
-            modes.all.iter().filter(|mode| self.apart(&mode.fit.theta, &fit.theta) > 0.1).cloned().collect();
-        candidate.undetermined = undetermined;
+        let is_other = |mode: &&Mode| self.apart(&mode.fit.theta, &fit.theta) > ONE_MODE;
+        candidate.modes = modes.all.iter().filter(is_other).cloned().collect();
+        candidate.undetermined = match (self.comparison()?, evidence.copies) {
+            (Some(fine), false) => {
+                let several = modes.all[1..].iter().any(|mode| mode.behind.is_equal(&self.parts.criteria));
+                self.undetermined(&fine, &chosen.fit, several)
+            }
+            // The pattern of the points determines theta where they are copies.
+            _ => Vec::new(),
+        };
         candidate.evidence = Some(evidence);
         Ok(Some(candidate))
+    }
+
+    /// Polish a mode on all points; `None` where the likelihood cannot be computed.
+    fn polished(&self, modes: &Modes, chosen: &Mode) -> Result<Option<(PointFit, Fit, Evidence)>, Error> {
+        let Some(full) = self.wide_enough(&chosen.fit)? else { return Ok(None) };
+        // All points say better than some whether they are copies.
+        let kernel = full.likely_kernel(&chosen.fit.theta).unwrap_or(chosen.fit.mixture.kernel);
+        let Some(fit) = full.ascend(&chosen.fit.theta, kernel, 15, f64::NEG_INFINITY) else { return Ok(None) };
+        let Some(mut placed) = full.place(&fit.theta, true) else { return Ok(None) };
+        full.reweigh(&mut placed, &fit.mixture);
+        let covariance = full.covariance(&placed, &fit.mixture);
+        let evidence = self.evidence(modes, &full, &placed, &fit, covariance.as_deref());
+        let n = placed.mapped.tangent;
+        let point_fit = PointFit {
+            message: format!("likelihood of the points, {} iterations", fit.iterations),
+            converged: fit.converged,
+            theta: fit.theta.clone(),
+            sigma: fit.mixture.sigma,
+            covariance: covariance.unwrap_or_else(|| vec![f64::NAN; n * n]),
+        };
+        Ok(Some((point_fit, fit, evidence)))
     }
 
     /// Return the mode to report: the most likely one; among modes that the data cannot tell apart the one next to a given start.
@@ -91,7 +93,7 @@ impl Search<'_> {
         let best = &modes.all[0];
         let Some(start) = given.first() else { return best };
         let far = |mode: &Mode| self.apart(start, &mode.fit.theta);
-        let equal = modes.all.iter().filter(|mode| mode.is_equal(&self.parts.criteria));
+        let equal = modes.all.iter().filter(|mode| mode.behind.is_equal(&self.parts.criteria));
         equal.min_by(|a, b| far(a).total_cmp(&far(b))).unwrap_or(best)
     }
 
@@ -103,15 +105,15 @@ impl Search<'_> {
         fit: &Fit,
         covariance: Option<&[f64]>,
     ) -> Evidence {
-        let second = modes.all[1..].iter().min_by(|a, b| a.behind[1].total_cmp(&b.behind[1]));
+        let second = modes.all[1..].iter().min_by(|a, b| a.behind.deviations.total_cmp(&b.behind.deviations));
         let deviation = covariance.map_or(f64::INFINITY, |covariance| self.deviation(&fit.theta, covariance));
         // The number of tests: the volume of the searched thetas in units of what the data can tell apart, a deviation each.
         let n = placed.mapped.tangent as f64;
         let tests = n * (std::f64::consts::TAU / deviation.clamp(1e-6, 1.0)).ln() / std::f64::consts::LN_10;
         Evidence {
             log10_false_alarms: tests - modes.gain / std::f64::consts::LN_10,
-            second_mode_nats: second.map_or(f64::INFINITY, |mode| mode.behind[0]),
-            second_mode_deviations: second.map_or(f64::INFINITY, |mode| mode.behind[1]),
+            second_mode_nats: second.map_or(f64::INFINITY, |mode| mode.behind.nats),
+            second_mode_deviations: second.map_or(f64::INFINITY, |mode| mode.behind.deviations),
             unseen_source: full.unseen(placed, &fit.mixture),
             unseen_target: fit.mixture.clutter,
             noise: fit.mixture.sigma / full.size,
@@ -152,7 +154,7 @@ impl Search<'_> {
             && accepts
             && candidate.sampling == Some(Sampling::Same)
             && evidence.unseen_source < 0.05
-            && self.apart(&candidate.theta, &fit.theta) < 0.1
+            && self.apart(&candidate.theta, &fit.theta) < ONE_MODE
     }
 
     /// Prepare the likelihood of as many points as the noise lets take part: the neighbours of a target point have to reach over

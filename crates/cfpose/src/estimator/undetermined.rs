@@ -63,14 +63,13 @@ impl Search<'_> {
 
     /// Say whether most walks along a direction end far away, at thetas that the data cannot tell from the fit.
     fn can_walk(&self, fine: &PointsLikelihood<'_>, fit: &Fit, vector: &[f64], scales: &[f64]) -> bool {
-        let criteria = &self.parts.criteria;
         let walk = |far: f64| {
             let step: Vec<f64> = vector.iter().zip(scales).map(|(v, scale)| far * v * scale).collect();
             let begin = fine.mover.retract(&fit.theta, &step);
             let Some(end) = fine.ascend(&begin, Kernel::Shape, 8, f64::NEG_INFINITY) else { return false };
-            let [nats, deviations] = behind(fine, fit, &end);
-            let is_equal = nats < criteria.mode_nats || deviations < criteria.mode_deviations;
-            is_equal && self.apart(&fit.theta, &end.theta) > STAYED * far.abs() && self.is_plausible(&end.theta)
+            behind(fine, fit, &end).is_equal(&self.parts.criteria)
+                && self.apart(&fit.theta, &end.theta) > STAYED * far.abs()
+                && self.is_plausible(&end.theta)
         };
         FAR.into_iter().filter(|far| walk(*far)).count() >= 3
     }

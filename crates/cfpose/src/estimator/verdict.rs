@@ -107,7 +107,7 @@ fn by_points(candidate: &Candidate, criteria: &Criteria) -> Vec<(String, Weight)
         let share = 100.0 * evidence.unseen_target;
         reasons.push((format!("{share:.0} % of the target points are outliers"), Weight::Doubt));
     }
-    let equal = candidate.modes.iter().filter(|mode| mode.is_equal(criteria)).count();
+    let equal = candidate.modes.iter().filter(|mode| mode.behind.is_equal(criteria)).count();
     if equal > 0 {
         let text = format!("{equal} other theta explain(s) the points as well: see the alternatives");
         reasons.push((text, Weight::Several));

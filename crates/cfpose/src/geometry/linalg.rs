@@ -108,6 +108,12 @@ pub(crate) fn symmetrise(n: usize, h: &mut [f64]) {
     }
 }
 
+/// Return A C A' for matrices of n x n.
+pub(crate) fn congruent(n: usize, a: &[f64], c: &[f64]) -> Vec<f64> {
+    let product: Vec<f64> = (0..n * n).map(|at| (0..n).map(|k| a[at / n * n + k] * c[k * n + at % n]).sum()).collect();
+    (0..n * n).map(|at| (0..n).map(|k| product[at / n * n + k] * a[at % n * n + k]).sum()).collect()
+}
+
 /// Return the inverse of a symmetric positive definite matrix.
 pub(crate) fn invert(n: usize, h: &[f64]) -> Option<Vec<f64>> {
     let mut out = vec![0.0; n * n];

@@ -1,7 +1,8 @@
 //! The covariance of theta: observed information, and a sandwich over both samples.
 
-use super::{Kernel, Mixture, NEGLIGIBLE, Placed, PointsLikelihood, Precision};
-use crate::geometry::linalg::{add_outer, invert, symmetrise};
+use super::kernels::Precision;
+use super::{Kernel, Mixture, NEGLIGIBLE, Placed, PointsLikelihood};
+use crate::geometry::linalg::{add_outer, congruent, invert, symmetrise};
 
 /// Deviation of the shape between its points, in tangential widths of a kernel: set on noise-free curves and surfaces of 100 to 1000
 /// points, whose mean squared error was 1.3 to 4.5 times the variance without it.
@@ -20,7 +21,7 @@ impl PointsLikelihood<'_> {
         let inverse = invert(n, &observed)?;
         let meat = self.meat(placed, mixture);
         let factor = self.discretisation(placed, mixture);
-        let covariance = product(n, &product(n, &inverse, &meat), &inverse);
+        let covariance = congruent(n, &inverse, &meat);
         Some(covariance.into_iter().map(|value| factor * value).collect())
     }
 
@@ -66,8 +67,4 @@ impl PointsLikelihood<'_> {
         symmetrise(n, &mut meat);
         meat
     }
-}
-
-fn product(n: usize, a: &[f64], b: &[f64]) -> Vec<f64> {
-    (0..n * n).map(|at| (0..n).map(|k| a[at / n * n + k] * b[k * n + at % n]).sum()).collect()
 }

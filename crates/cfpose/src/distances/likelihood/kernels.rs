@@ -1,0 +1,103 @@
+//! The kernels on the source points: their precisions, and who is responsible for a target point.
+
+use super::shape::Frame;
+use super::{Kernel, Mixture, Placed, PointsLikelihood};
+use crate::distances::Mapped;
+use crate::geometry::linalg::add_outer;
+
+impl PointsLikelihood<'_> {
+    /// Return the kernels of all source points.
+    pub(super) fn kernels(&self, placed: &Placed, mixture: &Mixture) -> Kernels {
+        let dim = placed.mapped.dim as f64;
+        let log_inlier = (1.0 - mixture.clutter).ln() - 0.5 * dim * std::f64::consts::TAU.ln();
+        let each = placed.frames.iter().zip(&placed.log_weights).map(|(frame, log_weight)| {
+            let precision = Precision::of(frame, mixture);
+            let peak = log_inlier + log_weight - 0.5 * precision.log_determinant(dim);
+            [peak, -0.5 * precision.along, -0.5 * precision.across]
+        });
+        Kernels { each: each.collect(), log_clutter: mixture.clutter.ln() + self.log_uniform }
+    }
+}
+
+/// The kernels of all source points at one mixture: ln of the peak, and what multiplies the squares along and across the axis.
+pub(super) struct Kernels {
+    each: Vec<[f64; 3]>,
+    log_clutter: f64,
+}
+
+impl Kernels {
+    /// Fill `shares` with the probabilities that target point `j` comes from each source point near it; return ln p(q) and their sum.
+    pub fn responsibilities(&self, placed: &Placed, j: usize, shares: &mut [f64]) -> (f64, f64) {
+        let mut largest = self.log_clutter;
+        let squares = &placed.squares[j * placed.each..(j + 1) * placed.each];
+        for ((share, k), [on, off]) in shares.iter_mut().zip(placed.near_to(j)).zip(squares) {
+            let [peak, along, across] = self.each[*k as usize];
+            *share = peak + along * on + across * off;
+            largest = largest.max(*share);
+        }
+        let mut inlier = 0.0;
+        for share in shares.iter_mut() {
+            let below = *share - largest;
+            *share = if below > -30.0 { below.exp() } else { 0.0 };
+            inlier += *share;
+        }
+        let total = inlier + (self.log_clutter - largest).exp();
+        shares.iter_mut().for_each(|share| *share /= total);
+        (largest + total.ln(), inlier / total)
+    }
+}
+
+/// The inverse of S = s^2 I + across (I - a a') + along a a'.
+pub(super) struct Precision {
+    axis: [f64; 3],
+    /// Inverse variances along the axis and across it.
+    pub along: f64,
+    pub across: f64,
+    noise: f64,
+}
+
+impl Precision {
+    pub fn of(frame: &Frame, mixture: &Mixture) -> Self {
+        let noise = mixture.sigma * mixture.sigma;
+        let (along, across) = match mixture.kernel {
+            Kernel::Copies => (0.0, 0.0),
+            Kernel::Shape => (frame.along, frame.across),
+        };
+        Self { axis: frame.axis, along: (noise + along).recip(), across: (noise + across).recip(), noise }
+    }
+
+    pub fn project(&self, v: &[f64]) -> f64 {
+        self.axis.iter().zip(v).map(|(a, v)| a * v).sum()
+    }
+
+    /// ln det S in `dim` dimensions.
+    pub fn log_determinant(&self, dim: f64) -> f64 {
+        -(self.along.ln() + (dim - 1.0) * self.across.ln())
+    }
+
+    /// S^-1 v.
+    pub fn apply(&self, v: &[f64; 3]) -> [f64; 3] {
+        let on = (self.along - self.across) * self.project(v);
+        std::array::from_fn(|d| self.across * v[d] + on * self.axis[d])
+    }
+
+    /// Add share G' S^-1 G of a point to the lower triangle.
+    pub fn add_information(&self, mapped: &Mapped, k: usize, share: f64, matrix: &mut [f64]) {
+        let mut on_axis = vec![0.0; mapped.tangent];
+        for d in 0..mapped.dim {
+            let slope = mapped.slope(k, d);
+            add_outer(matrix, slope, share * self.across);
+            on_axis.iter_mut().zip(slope).for_each(|(sum, g)| *sum += self.axis[d] * g);
+        }
+        add_outer(matrix, &on_axis, share * (self.along - self.across));
+    }
+
+    /// Fisher scoring for s^2: each direction tells by its squared precision how far its square exceeds its tangential width.
+    pub fn add_variance(&self, on: f64, off: f64, share: f64, dim: usize, sums: &mut [f64; 2]) {
+        let (along, across) = (share * self.along * self.along, share * self.across * self.across);
+        let others = dim as f64 - 1.0;
+        let tangential = |precision: f64| precision.recip() - self.noise;
+        sums[0] += along * (on - tangential(self.along)) + across * (off - others * tangential(self.across));
+        sums[1] += along + others * across;
+    }
+}
