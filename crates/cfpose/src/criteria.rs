@@ -145,8 +145,11 @@ criteria! {
     /// Starts of the points' likelihood that are aligned to the end.
     aligned: usize = 40, "starts",
         "a budget";
+    /// Aligned starts that ascend the coarse likelihood: in any case, and at most while they are about as good.
+    ascended: [usize; 2] = [6, 30], "starts",
+        "a budget";
     /// Modes that are polished: in any case, and at most while they are about as good.
-    polished: [usize; 2] = [6, 30], "modes",
+    polished: [usize; 2] = [2, 30], "modes",
         "a budget: a cube has 24";
     /// Nats (of the coarse likelihood) behind the best up to which a mode is about as good.
     about_as_good: f64 = 12.0, "nats",

@@ -11,6 +11,8 @@
 //! s (noise) and c (clutter) are unknowns. Means of features decide where to look; this decides what is true: its logarithm is
 //! compared between modes, kinds of sampling and chance, in nats. Responsibilities say which points of *both* sides take part.
 
+use std::sync::Arc;
+
 use cfpose_kernel::points::Points;
 
 use super::neighbours::Neighbours;
@@ -49,6 +51,8 @@ pub(crate) struct Mixture {
     pub clutter: f64,
 }
 
+/// Lists of neighbours are kept while no source point moves by more than this share of how far they reach.
+const SAME_NEIGHBOURS: f64 = 0.15;
 /// Responsibilities below this are left out of the derivatives.
 const NEGLIGIBLE: f64 = 1e-4;
 
@@ -72,7 +76,7 @@ pub(crate) struct Placed {
     pub mapped: Mapped,
     frames: Vec<Frame>,
     /// For every target point the indices of the nearest source points.
-    near: Vec<u32>,
+    near: Arc<Near>,
     each: usize,
     /// Squared distances of these pairs along the frame's axis and across it.
     squares: Vec<[f64; 2]>,
@@ -80,6 +84,14 @@ pub(crate) struct Placed {
     log_weights: Vec<f64>,
     /// What the choice of weights costs, in nats.
     cost: f64,
+}
+
+/// Lists of neighbours, and where the source was when they were made.
+struct Near {
+    lists: Vec<u32>,
+    x: Vec<[f64; 3]>,
+    /// How far the lists reach around nearly all target points.
+    reach: f64,
 }
 
 /// Sums over the target at one theta.
@@ -93,10 +105,6 @@ pub(crate) struct Sums {
     pub lost: Vec<f64>,
     /// Sum over the target of G'G at its nearest point: squared displacements of steps.
     pub displacement: Vec<f64>,
-    /// Sum of the probabilities of being no clutter.
-    pub inliers: f64,
-    /// Scoring step for s^2: weighted squares beyond the tangential widths, weights.
-    variance: [f64; 2],
 }
 
 impl<'a> PointsLikelihood<'a> {
@@ -139,46 +147,79 @@ impl<'a> PointsLikelihood<'a> {
         self.target.len() as f64 * self.log_uniform
     }
 
-    /// Move the source to theta; `frames` of a theta nearby are taken as they are. `None` where a point is not finite.
+    /// Move the source to theta; `None` where a point is not finite.
     pub fn place(&self, theta: &[f64], derivatives: bool) -> Option<Placed> {
         let mapped = self.mover.map(theta, derivatives);
+        let near = Arc::new(self.near(&mapped)?);
         let frames = self.shape.frames(&mapped);
-        self.place_with(mapped, frames)
+        Some(self.place_with(mapped, frames, near))
     }
 
-    /// Move the source to theta with the frames of another placement.
+    /// Move the source to theta with the frames and weights of another placement, and with its neighbours while they are about the same.
     fn replace(&self, theta: &[f64], other: &Placed) -> Option<Placed> {
-        let mut placed = self.place_with(self.mover.map(theta, true), other.frames.clone())?;
+        let mapped = self.mover.map(theta, true);
+        let moved = |a: &[f64; 3], b: &[f64; 3]| (0..3).map(|d| (a[d] - b[d]).powi(2)).sum::<f64>();
+        let most = (SAME_NEIGHBOURS * other.near.reach).powi(2);
+        let is_near = mapped.x.iter().zip(&other.near.x).all(|(a, b)| moved(a, b) <= most);
+        let near = if is_near { other.near.clone() } else { Arc::new(self.near(&mapped)?) };
+        let mut placed = self.place_with(mapped, other.frames.clone(), near);
         placed.log_weights.clone_from(&other.log_weights);
         placed.cost = other.cost;
         Some(placed)
     }
 
-    fn place_with(&self, mapped: Mapped, frames: Vec<Frame>) -> Option<Placed> {
+    /// Find the neighbours of the target points; `None` where a source point is not finite.
+    fn near(&self, mapped: &Mapped) -> Option<Near> {
         if mapped.x.iter().flatten().any(|x| !x.is_finite()) {
             return None;
         }
         let tree = Neighbours::new(mapped.x.clone(), mapped.dim);
         let each = self.neighbours.min(mapped.x.len());
-        let mut near = Vec::with_capacity(each * self.target.len());
-        let mut squares = Vec::with_capacity(each * self.target.len());
+        let mut lists = Vec::with_capacity(each * self.target.len());
+        let mut reaches = Vec::with_capacity(self.target.len());
         for q in &self.target {
-            for found in tree.nearest_n(q, each) {
-                let (x, axis) = (&mapped.x[found.index], &frames[found.index].axis);
-                let on = (0..3).map(|d| axis[d] * (q[d] - x[d])).sum::<f64>().powi(2);
-                near.push(found.index as u32);
-                squares.push([on, (found.squared - on).max(0.0)]);
-            }
+            let found = tree.nearest_n(q, each);
+            reaches.push(found.last().map_or(0.0, |last| last.squared));
+            lists.extend(found.iter().map(|found| found.index as u32));
         }
-        (near.len() == each * self.target.len()).then(|| Placed {
+        let at = reaches.len() / 10;
+        let reach = reaches.select_nth_unstable_by(at, f64::total_cmp).1.sqrt();
+        (lists.len() == each * self.target.len()).then(|| Near { lists, x: mapped.x.clone(), reach })
+    }
+
+    fn place_with(&self, mapped: Mapped, frames: Vec<Frame>, near: Arc<Near>) -> Placed {
+        let each = self.neighbours.min(mapped.x.len());
+        let mut placed = Placed {
             mapped,
             frames,
             near,
             each,
-            squares,
+            squares: Vec::new(),
             log_weights: self.log_weights.clone(),
             cost: 0.0,
-        })
+        };
+        self.measure(&mut placed);
+        placed
+    }
+
+    /// Fit the frames of a placement anew.
+    fn refresh(&self, placed: &mut Placed) {
+        placed.frames = self.shape.frames(&placed.mapped);
+        self.measure(placed);
+    }
+
+    /// Compute the squared distances of all pairs along the axes and across them.
+    fn measure(&self, placed: &mut Placed) {
+        let mut squares = Vec::with_capacity(placed.near.lists.len());
+        for (q, near) in self.target.iter().zip(placed.near.lists.chunks_exact(placed.each)) {
+            for k in near {
+                let (x, axis) = (&placed.mapped.x[*k as usize], &placed.frames[*k as usize].axis);
+                let v: [f64; 3] = std::array::from_fn(|d| q[d] - x[d]);
+                let on = (axis[0] * v[0] + axis[1] * v[1] + axis[2] * v[2]).powi(2);
+                squares.push([on, (v[0] * v[0] + v[1] * v[1] + v[2] * v[2] - on).max(0.0)]);
+            }
+        }
+        placed.squares = squares;
     }
 
     /// Return the observed information at theta with the noise as wide as the kernels: what is left of a direction's information when
@@ -197,7 +238,7 @@ impl<'a> PointsLikelihood<'a> {
     /// Return the median distance of the target points' farthest source neighbours.
     pub fn reach(&self, placed: &Placed) -> f64 {
         let farthest = |j: usize| {
-            let k = placed.near[(j + 1) * placed.each - 1] as usize;
+            let k = placed.near.lists[(j + 1) * placed.each - 1] as usize;
             (0..3).map(|d| (self.target[j][d] - placed.mapped.x[k][d]).powi(2)).sum::<f64>().sqrt()
         };
         let mut all: Vec<f64> = (0..self.target.len()).map(farthest).collect();
@@ -214,44 +255,47 @@ impl<'a> PointsLikelihood<'a> {
             complete: vec![0.0; n * n],
             lost: vec![0.0; n * n],
             displacement: vec![0.0; n * n],
-            inliers: 0.0,
-            variance: [0.0; 2],
         };
         let (mut pull, mut total) = (vec![0.0; n], vec![0.0; n]);
         let mut shares = vec![0.0; placed.each];
+        let (mut mass, mut nearest) = (vec![0.0; placed.mapped.x.len()], vec![0.0; placed.mapped.x.len()]);
         let kernels = self.kernels(placed, mixture);
         for (j, q) in self.target.iter().enumerate() {
             let near = placed.near_to(j);
-            let (log_total, inlier) = kernels.responsibilities(placed, j, &mut shares);
-            sums.log_likelihood += log_total;
-            sums.inliers += inlier;
+            sums.log_likelihood += kernels.responsibilities(placed, j, &mut shares).0;
+            nearest[near[0] as usize] += 1.0;
             total.fill(0.0);
-            for (at, (share, k)) in shares.iter().zip(near).enumerate() {
+            for (share, k) in shares.iter().zip(near) {
                 if *share < NEGLIGIBLE {
                     continue;
                 }
                 let k = *k as usize;
-                let precision = Precision::of(&placed.frames[k], mixture);
-                let [on, off] = placed.squares[j * placed.each + at];
-                precision.add_variance(on, off, *share, dim, &mut sums.variance);
-                if n == 0 {
-                    continue;
-                }
-                // a = G' S^-1 v, and G' S^-1 G row by row of the feature space.
+                mass[k] += share;
+                // a = G' S^-1 v.
                 let v: [f64; 3] = std::array::from_fn(|d| q[d] - placed.mapped.x[k][d]);
-                let weighted = precision.apply(&v);
+                let weighted = Precision::of(&placed.frames[k], mixture).apply(&v);
                 pull.fill(0.0);
                 for d in 0..dim {
                     pull.iter_mut().zip(placed.mapped.slope(k, d)).for_each(|(p, g)| *p += weighted[d] * g);
                 }
                 total.iter_mut().zip(&pull).for_each(|(t, p)| *t += share * p);
                 add_outer(&mut sums.lost, &pull, *share);
-                precision.add_information(&placed.mapped, k, *share, &mut sums.complete);
             }
-            if n > 0 {
-                add_outer(&mut sums.lost, &total, -1.0);
-                sums.gradient.iter_mut().zip(&total).for_each(|(g, t)| *g += t);
-                (0..dim).for_each(|d| add_outer(&mut sums.displacement, placed.mapped.slope(near[0] as usize, d), 1.0));
+            add_outer(&mut sums.lost, &total, -1.0);
+            sums.gradient.iter_mut().zip(&total).for_each(|(g, t)| *g += t);
+        }
+        // G' S^-1 G of a source point counts as often as it is responsible.
+        for k in 0..mass.len() {
+            if mass[k] > 0.0 {
+                Precision::of(&placed.frames[k], mixture).add_information(
+                    &placed.mapped,
+                    k,
+                    mass[k],
+                    &mut sums.complete,
+                );
+            }
+            if nearest[k] > 0.0 {
+                (0..dim).for_each(|d| add_outer(&mut sums.displacement, placed.mapped.slope(k, d), nearest[k]));
             }
         }
         for matrix in [&mut sums.lost, &mut sums.complete, &mut sums.displacement] {
@@ -290,8 +334,13 @@ impl<'a> PointsLikelihood<'a> {
 }
 
 impl Placed {
+    /// Say whether two placements share their lists of neighbours: the source has hardly moved between them.
+    fn same_neighbours(&self, other: &Self) -> bool {
+        Arc::ptr_eq(&self.near, &other.near)
+    }
+
     /// Return the source points near target point `j`.
     fn near_to(&self, j: usize) -> &[u32] {
-        &self.near[j * self.each..(j + 1) * self.each]
+        &self.near.lists[j * self.each..(j + 1) * self.each]
     }
 }

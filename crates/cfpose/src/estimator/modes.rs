@@ -18,7 +18,7 @@ const STEPS: usize = 4;
 /// Thetas closer than this are one mode: radians, sizes of the source.
 pub(super) const ONE_MODE: f64 = 0.1;
 /// Source points near a target point that may explain it: of few points, of more.
-const NEIGHBOURS: [usize; 2] = [8, 12];
+pub(super) const NEIGHBOURS: [usize; 2] = [8, 12];
 /// Points of each side that starts are proposed for.
 const PROPOSED_FOR: usize = 300;
 
@@ -44,6 +44,32 @@ impl Behind {
     }
 }
 
+/// A theta and how likely it is.
+trait Scored {
+    fn value(&self) -> f64;
+    fn theta(&self) -> &[f64];
+}
+
+impl Scored for (f64, Vec<f64>) {
+    fn value(&self) -> f64 {
+        self.0
+    }
+
+    fn theta(&self) -> &[f64] {
+        &self.1
+    }
+}
+
+impl Scored for Fit {
+    fn value(&self) -> f64 {
+        self.log_likelihood
+    }
+
+    fn theta(&self) -> &[f64] {
+        &self.theta
+    }
+}
+
 /// What the search for modes found, most likely first.
 pub(super) struct Modes {
     pub all: Vec<Mode>,
@@ -58,14 +84,19 @@ impl Search<'_> {
         let fine = self.comparison()?;
         let (Some(coarse), Some(fine)) = (coarse, fine) else { return Ok(None) };
         let starts = self.aligned(&coarse, found, given)?;
+        let roughly = self.ascended(&coarse, self.worth_polishing(starts, self.parts.criteria.ascended));
         let mut fits: Vec<Fit> = Vec::new();
-        for theta in self.worth_polishing(starts) {
-            self.polish(&fine, &theta, &mut fits);
+        for rough in self.worth_polishing(roughly, self.parts.criteria.polished) {
+            let most = most_likely(&fits).map_or(f64::NEG_INFINITY, |fit| fit.log_likelihood);
+            let shape = fine.ascend_from(&rough, 30, most);
+            self.add_copies(&fine, shape, &mut fits);
         }
         // What the model says the best may also be: a mirrored tilt, a second decomposition.
         if let Some(best) = most_likely(&fits).map(|fit| fit.theta.clone()) {
             for theta in self.last().implied(&best, self.parts) {
-                self.polish(&fine, &theta, &mut fits);
+                let most = most_likely(&fits).map_or(f64::NEG_INFINITY, |fit| fit.log_likelihood);
+                let shape = fine.ascend(&theta, Kernel::Shape, 30, most);
+                self.add_copies(&fine, shape, &mut fits);
             }
         }
         fits.sort_by(|a, b| b.log_likelihood.total_cmp(&a.log_likelihood));
@@ -129,16 +160,20 @@ impl Search<'_> {
             scored.extend(score(coarse, theta));
             scored.extend(aligned.and_then(|(_, theta)| score(coarse, theta)));
         }
-        let mut rough: Vec<(f64, Vec<f64>)> = Vec::new();
-        for theta in self.everywhere()? {
-            rough.extend(coarse.align(&adopt(&theta), &REACHES[..1], STEPS));
-        }
-        rough.sort_by(|a, b| b.0.total_cmp(&a.0));
+        // Half of the steps tell which starts deserve the other half.
+        let halfway = |theta: &Vec<f64>| coarse.align(theta, &REACHES[..1], STEPS / 2);
+        let best_first = |mut rough: Vec<(f64, Vec<f64>)>| {
+            rough.sort_by(|a, b| b.0.total_cmp(&a.0));
+            rough
+        };
+        let mut rough = best_first(self.everywhere()?.iter().filter_map(|theta| halfway(&adopt(theta))).collect());
+        rough.truncate((rough.len() / 3).max(2 * self.parts.criteria.aligned));
+        let rough = best_first(rough.iter().filter_map(|(_, theta)| halfway(theta)).collect());
         // Many starts lead to one place.
         let mut chosen: Vec<Vec<f64>> = Vec::new();
         for (_, theta) in rough {
-            let is_new = chosen.iter().all(|other| self.apart(other, &theta) > ONE_MODE);
-            if chosen.len() < self.parts.criteria.aligned && is_new {
+            let is_new = |theta: &Vec<f64>| chosen.iter().all(|other| self.apart(other, theta) > ONE_MODE);
+            if chosen.len() < self.parts.criteria.aligned && is_new(&theta) && self.is_plausible(&theta) {
                 chosen.push(theta);
             }
         }
@@ -162,31 +197,42 @@ impl Search<'_> {
             let target = central(&part).map_err(of_side(Side::Target))?;
             thetas.extend(self.proposals_for(name, stage, &source, &target)?);
         }
-        thetas.retain(|theta| self.is_plausible(theta));
         Ok(thetas)
     }
 
     /// Return the best that differ: some in any case, more while they are about as good.
-    fn worth_polishing(&self, mut scored: Vec<(f64, Vec<f64>)>) -> Vec<Vec<f64>> {
+    fn worth_polishing<T: Scored>(&self, mut scored: Vec<T>, [always, most]: [usize; 2]) -> Vec<T> {
         let criteria = &self.parts.criteria;
-        scored.sort_by(|a, b| b.0.total_cmp(&a.0));
-        let best = scored.first().map_or(0.0, |(value, _)| *value);
-        let mut kept: Vec<Vec<f64>> = Vec::new();
-        for (value, theta) in scored {
-            let [always, most] = criteria.polished;
-            let wanted = kept.len() < always || kept.len() < most && value > best - criteria.about_as_good;
-            if wanted && kept.iter().all(|other| self.apart(other, &theta) > 1.5 * ONE_MODE) {
-                kept.push(theta);
+        scored.sort_by(|a, b| b.value().total_cmp(&a.value()));
+        let best = scored.first().map_or(0.0, T::value);
+        let mut kept: Vec<T> = Vec::new();
+        for item in scored {
+            let wanted = kept.len() < always || kept.len() < most && item.value() > best - criteria.about_as_good;
+            if wanted && kept.iter().all(|other| self.apart(other.theta(), item.theta()) > 1.5 * ONE_MODE) {
+                kept.push(item);
             }
         }
         kept
     }
 
-    /// Ascend from theta, as a shape and as copies of points.
-    fn polish(&self, fine: &PointsLikelihood<'_>, theta: &[f64], fits: &mut Vec<Fit>) {
+    /// Ascend the likelihood of few points, as a shape: what is far behind there need not be polished on more.
+    fn ascended(&self, coarse: &PointsLikelihood<'_>, starts: Vec<(f64, Vec<f64>)>) -> Vec<Fit> {
+        let mut fits: Vec<Fit> = Vec::new();
+        for (_, theta) in starts {
+            let most = most_likely(&fits).map_or(f64::NEG_INFINITY, |fit| fit.log_likelihood);
+            let fit = coarse.ascend(&theta, Kernel::Shape, 12, most);
+            fits.extend(fit.filter(|fit| fit.log_likelihood.is_finite() && self.is_plausible(&fit.theta)));
+        }
+        fits
+    }
+
+    /// Add a fit of the shape, and one of copies from there: where nearly all source points take part.
+    fn add_copies(&self, fine: &PointsLikelihood<'_>, shape: Option<Fit>, fits: &mut Vec<Fit>) {
+        let Some(shape) = shape else { return };
         let most = most_likely(fits).map_or(f64::NEG_INFINITY, |fit| fit.log_likelihood);
-        let Some(shape) = fine.ascend(theta, Kernel::Shape, 30, most) else { return };
-        let copies = fine.ascend(&shape.theta, Kernel::Copies, 8, most.max(shape.log_likelihood));
+        let has_all = 4 * fine.mover.len() > 3 * self.last().all_source.len();
+        let copies =
+            has_all.then(|| fine.ascend(&shape.theta, Kernel::Copies, 8, most.max(shape.log_likelihood))).flatten();
         let usable = |fit: &Fit| fit.log_likelihood.is_finite() && self.is_plausible(&fit.theta);
         fits.extend([Some(shape), copies].into_iter().flatten().filter(usable));
     }

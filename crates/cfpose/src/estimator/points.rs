@@ -3,7 +3,7 @@
 
 use super::Supervision;
 use super::candidate::{Candidate, PointFit};
-use super::modes::{Mode, Modes, ONE_MODE};
+use super::modes::{Mode, Modes, NEIGHBOURS, ONE_MODE};
 use super::search::Search;
 use crate::distances::likelihood::{Fit, Kernel, Mixture, Placed, PointsLikelihood};
 use crate::distances::sampling::Sampling;
@@ -33,27 +33,38 @@ pub struct Evidence {
     pub copies: bool,
 }
 
+/// Source points near a target point that may explain it, in the last fit.
+const LAST_NEIGHBOURS: usize = 32;
+/// Points that are asked about the theta of the means: what is seen (source, target), whether they are copies (target).
+const ASKED: ([usize; 2], usize) = ([800, 2000], 600);
+
 impl Search<'_> {
-    /// Choose a mode, polish it on all points and make it a candidate, with what is known about it.
+    /// Choose a mode and make it a candidate with what is known about it: by the means where they agree with it, else by the
+    /// likelihood of all points.
     pub fn settle(
         &mut self,
         modes: &Modes,
+        found: &[Candidate],
         given: &[Vec<f64>],
         supervision: &mut Supervision<'_>,
     ) -> Result<Option<Candidate>, Error> {
         let chosen = self.chosen(modes, given);
-        let Some((point_fit, fit, evidence)) = self.polished(modes, chosen)? else { return Ok(None) };
-        let Some(mut candidate) = self.means_at(&fit, supervision)? else { return Ok(None) };
-        if !self.means_agree(&candidate, &fit, &evidence) {
-            candidate.take(&point_fit);
-            candidate.plausible = self.is_plausible(&candidate.theta);
-            let copies = fit.mixture.kernel == Kernel::Copies;
-            if self.parts.settings.sampling.is_none() && copies && candidate.sampling == Some(Sampling::Independent) {
-                candidate.sampling = Some(Sampling::Thinned);
+        let Some(mut candidate) = self.means_at(&chosen.fit, found, supervision)? else { return Ok(None) };
+        let evidence = match self.agreed(modes, chosen, &candidate)? {
+            Some(evidence) => evidence,
+            None => {
+                let Some((fit, evidence)) = self.polished(modes, chosen)? else { return Ok(None) };
+                candidate.take(&fit);
+                candidate.plausible = self.is_plausible(&candidate.theta);
+                let hides = candidate.sampling == Some(Sampling::Independent) && evidence.copies;
+                if self.parts.settings.sampling.is_none() && hides {
+                    candidate.sampling = Some(Sampling::Thinned);
+                }
+                evidence
             }
-        }
+        };
         candidate.support = Some(self.last().support(&candidate.theta)?);
-        let is_other = |mode: &&Mode| self.apart(&mode.fit.theta, &fit.theta) > ONE_MODE;
+        let is_other = |mode: &&Mode| self.apart(&mode.fit.theta, &candidate.theta) > ONE_MODE;
         candidate.modes = modes.all.iter().filter(is_other).cloned().collect();
         candidate.undetermined = match (self.comparison()?, evidence.copies) {
             (Some(fine), false) => {
@@ -67,9 +78,35 @@ impl Search<'_> {
         Ok(Some(candidate))
     }
 
+    /// Return the evidence at the theta of the means, where they may have the last word: the same points on both sides, all of
+    /// the source seen, the statistics accept, and the mode is the one that the points chose.
+    fn agreed(&self, modes: &Modes, chosen: &Mode, candidate: &Candidate) -> Result<Option<Evidence>, Error> {
+        let criteria = &self.parts.criteria;
+        let Some(statistics) = candidate.statistics.as_ref() else { return Ok(None) };
+        let agrees = candidate.accepted
+            && statistics.p_value > criteria.p_suspect
+            && candidate.sampling == Some(Sampling::Same)
+            && self.apart(&candidate.theta, &chosen.fit.theta) < ONE_MODE;
+        if !agrees {
+            return Ok(None);
+        }
+        let theta = &candidate.theta;
+        // Copies show on all of the source and few target points; what is seen, on few of the source and many of the target.
+        let (seeing, copying) = ASKED;
+        let seeing = self.likelihood(seeing, NEIGHBOURS[1], "seen")?;
+        let (Some(seeing), Some(copying)) = (seeing, self.wide_enough(&chosen.fit, copying)?) else { return Ok(None) };
+        let Some(mut placed) = seeing.place(theta, false) else { return Ok(None) };
+        let (mixture, log_likelihood) = seeing.best_mixture(&mut placed, Kernel::Shape, 10);
+        let fit = Fit { theta: theta.clone(), mixture, log_likelihood, iterations: 0, converged: true };
+        let mut evidence = self.evidence(modes, &seeing, &placed, &fit, Some(&statistics.covariance));
+        evidence.copies = copying.likely_kernel(theta) == Some(Kernel::Copies);
+        Ok(Some(evidence).filter(|evidence| evidence.unseen_source < 0.05))
+    }
+
     /// Polish a mode on all points; `None` where the likelihood cannot be computed.
-    fn polished(&self, modes: &Modes, chosen: &Mode) -> Result<Option<(PointFit, Fit, Evidence)>, Error> {
-        let Some(full) = self.wide_enough(&chosen.fit)? else { return Ok(None) };
+    fn polished(&self, modes: &Modes, chosen: &Mode) -> Result<Option<(PointFit, Evidence)>, Error> {
+        let target_points = self.pipeline.points.as_ref().map_or(0, |points| points.target_points);
+        let Some(full) = self.wide_enough(&chosen.fit, target_points)? else { return Ok(None) };
         // All points say better than some whether they are copies.
         let kernel = full.likely_kernel(&chosen.fit.theta).unwrap_or(chosen.fit.mixture.kernel);
         let Some(fit) = full.ascend(&chosen.fit.theta, kernel, 15, f64::NEG_INFINITY) else { return Ok(None) };
@@ -81,11 +118,11 @@ impl Search<'_> {
         let point_fit = PointFit {
             message: format!("likelihood of the points, {} iterations", fit.iterations),
             converged: fit.converged,
-            theta: fit.theta.clone(),
+            theta: fit.theta,
             sigma: fit.mixture.sigma,
             covariance: covariance.unwrap_or_else(|| vec![f64::NAN; n * n]),
         };
-        Ok(Some((point_fit, fit, evidence)))
+        Ok(Some((point_fit, evidence)))
     }
 
     /// Return the mode to report: the most likely one; among modes that the data cannot tell apart the one next to a given start.
@@ -129,47 +166,47 @@ impl Search<'_> {
         (0..n).map(|j| covariance[j * n + j] / (scales[j] * scales[j])).sum::<f64>().sqrt()
     }
 
-    /// Run the last stages on the points that are no clutter, from the fit.
-    fn means_at(&mut self, fit: &Fit, supervision: &mut Supervision<'_>) -> Result<Option<Candidate>, Error> {
+    /// Run the last stages on the points that are no clutter, from the fit; what the means found there already is taken.
+    fn means_at(
+        &mut self,
+        fit: &Fit,
+        found: &[Candidate],
+        supervision: &mut Supervision<'_>,
+    ) -> Result<Option<Candidate>, Error> {
         let inliers = self.inliers(&fit.theta, &fit.mixture)?;
-        let share = inliers.as_ref().map(|rows| 1.0 - rows.len() as f64 / self.stages.data.target.len() as f64);
-        let data = match &inliers {
-            Some(rows) => self.stages.data.keep(None, Some(rows))?,
-            None => self.stages.data.clone(),
+        let Some(rows) = inliers else {
+            let is_here = |known: &&Candidate| known.accepted && self.apart(&known.theta, &fit.theta) < ONE_MODE;
+            if let Some(known) = found.iter().find(is_here) {
+                return Ok(Some(known.clone()));
+            }
+            let first = self.first_on_final_model();
+            return self.on_part(self.stages.data.clone(), first, &fit.theta, supervision);
         };
+        let share = 1.0 - rows.len() as f64 / self.stages.data.target.len() as f64;
+        let data = self.stages.data.keep(None, Some(&rows))?;
         let first = self.first_on_final_model();
-        let mut candidate = self.on_part(data, first, &fit.theta, supervision)?;
-        if let Some(candidate) = &mut candidate {
-            candidate.clutter = share;
-        }
-        Ok(candidate)
-    }
-
-    /// Say whether the means may have the last word: the same points on both sides, all of the source seen, and the statistics agree
-    /// with the fit at the theta that the points chose.
-    fn means_agree(&self, candidate: &Candidate, fit: &Fit, evidence: &Evidence) -> bool {
-        let criteria = &self.parts.criteria;
-        let accepts = candidate.statistics.as_ref().is_some_and(|s| s.p_value > criteria.p_suspect);
-        candidate.accepted
-            && accepts
-            && candidate.sampling == Some(Sampling::Same)
-            && evidence.unseen_source < 0.05
-            && self.apart(&candidate.theta, &fit.theta) < ONE_MODE
+        let candidate = self.on_part(data, first, &fit.theta, supervision)?;
+        Ok(candidate.map(|candidate| Candidate { clutter: Some(share), ..candidate }))
     }
 
     /// Prepare the likelihood of as many points as the noise lets take part: the neighbours of a target point have to reach over
     /// the noise.
-    fn wide_enough(&self, fit: &Fit) -> Result<Option<PointsLikelihood<'_>>, Error> {
+    fn wide_enough(&self, fit: &Fit, target_points: usize) -> Result<Option<PointsLikelihood<'_>>, Error> {
         let Some(points) = &self.pipeline.points else { return Ok(None) };
         let mut count = self.last().all_source.len().min(points.source_points);
         loop {
-            let Some(full) = self.likelihood([count, points.target_points], 32, "points")? else { return Ok(None) };
-            let reach = full.place(&fit.theta, false).map_or(0.0, |placed| full.reach(&placed));
+            let reach = self.reach(fit, count)?;
             if reach >= 2.5 * fit.mixture.sigma || count <= 300 {
-                return Ok(Some(full));
+                return self.likelihood([count, target_points], LAST_NEIGHBOURS, "points");
             }
             count = (count * 3 / 5).max(300);
         }
+    }
+
+    /// Return how far the neighbours of a target point reach, of so many source points: the median of a few.
+    fn reach(&self, fit: &Fit, source_points: usize) -> Result<f64, Error> {
+        let few = self.likelihood([source_points, 100], LAST_NEIGHBOURS, "points")?;
+        Ok(few.and_then(|few| few.place(&fit.theta, false).map(|placed| few.reach(&placed))).unwrap_or(0.0))
     }
 
     /// Return the target rows that are no clutter at theta; `None` where nearly all are.

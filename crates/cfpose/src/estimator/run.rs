@@ -76,7 +76,7 @@ impl Search<'_> {
         supervision: &mut Supervision<'_>,
     ) -> Result<(), Error> {
         let Some(modes) = self.modes(&found.all, given)? else { return Ok(()) };
-        if let Some(candidate) = self.settle(&modes, given, supervision)? {
+        if let Some(candidate) = self.settle(&modes, &found.all, given, supervision)? {
             found.best = Some(candidate);
         }
         Ok(())

@@ -30,7 +30,6 @@ impl PointsLikelihood<'_> {
             return None;
         }
         let (dim, n) = (mapped.dim, mapped.tangent);
-        let frames = self.shape.frames(&mapped);
         let tree = Neighbours::new(mapped.x.clone(), dim);
         let (mut h, mut g, mut displacement) = (vec![0.0; n * n], vec![0.0; n], vec![0.0; n * n]);
         let mut row = vec![0.0; n];
@@ -41,22 +40,21 @@ impl PointsLikelihood<'_> {
             let weight = (1.0 + found.squared / (4.0 * reach * reach)).powi(-2);
             fitted += weight;
             let v: [f64; 3] = std::array::from_fn(|d| q[d] - mapped.x[k][d]);
-            let frame = &frames[k];
-            // The normal is the axis of least tangential width; where there is none, all directions count.
-            let is_normal = frame.along < 0.5 * frame.across;
-            let everywhere = if is_normal { ISOTROPIC } else { 1.0 };
+            // Where there is no normal, all directions count.
+            let normal = self.shape.normal(k, &mapped);
+            let everywhere = if normal.is_some() { ISOTROPIC } else { 1.0 };
             for d in 0..dim {
                 let slope = mapped.slope(k, d);
                 add_outer(&mut h, slope, weight * everywhere);
                 add_outer(&mut displacement, slope, 1.0);
                 g.iter_mut().zip(slope).for_each(|(g, s)| *g += weight * everywhere * v[d] * s);
             }
-            if is_normal {
+            if let Some(axis) = normal {
                 row.fill(0.0);
                 for d in 0..dim {
-                    row.iter_mut().zip(mapped.slope(k, d)).for_each(|(r, s)| *r += frame.axis[d] * s);
+                    row.iter_mut().zip(mapped.slope(k, d)).for_each(|(r, s)| *r += axis[d] * s);
                 }
-                let along: f64 = (0..dim).map(|d| frame.axis[d] * v[d]).sum();
+                let along: f64 = (0..dim).map(|d| axis[d] * v[d]).sum();
                 add_outer(&mut h, &row, weight * (1.0 - ISOTROPIC));
                 g.iter_mut().zip(&row).for_each(|(g, r)| *g += weight * (1.0 - ISOTROPIC) * along * r);
             }

@@ -15,6 +15,8 @@ pub(crate) struct Fit {
     pub converged: bool,
 }
 
+/// First steps, after which the source points are weighed anew in any case.
+const ALWAYS_REWEIGHED: usize = 3;
 /// A fit that is so many nats behind after some steps is given up.
 const FAR: f64 = 80.0;
 /// Steps before that.
@@ -29,22 +31,45 @@ impl PointsLikelihood<'_> {
     ///
     /// Gives up where the likelihood stays far below `least` after a few steps.
     pub fn ascend(&self, theta: &[f64], kernel: Kernel, max_iterations: usize, least: f64) -> Option<Fit> {
+        let mut placed = self.place(theta, true)?;
+        let (mixture, _) = self.best_mixture(&mut placed, kernel, 7);
+        self.ascend_with(theta, placed, mixture, max_iterations, least)
+    }
+
+    /// Ascend from a fit on other points of the same sets, whose noise and clutter are about right.
+    pub fn ascend_from(&self, fit: &Fit, max_iterations: usize, least: f64) -> Option<Fit> {
+        let mut placed = self.place(&fit.theta, true)?;
+        let (mixture, _) = self.mixture_from(&mut placed, &fit.mixture);
+        self.ascend_with(&fit.theta, placed, mixture, max_iterations, least)
+    }
+
+    fn ascend_with(
+        &self,
+        theta: &[f64],
+        mut placed: Placed,
+        mut mixture: Mixture,
+        max_iterations: usize,
+        least: f64,
+    ) -> Option<Fit> {
         let mut theta = theta.to_vec();
-        let mut placed = self.place(&theta, true)?;
-        let (mut mixture, _) = self.best_mixture(&mut placed, kernel, 7);
         let mut sums = self.sums(&placed, &mixture);
         let (mut damping, mut iterations, mut converged) = (0.1, 0, false);
         while iterations < max_iterations && !converged {
             iterations += 1;
-            let Some((next, gain)) = self.step(&theta, &placed, &sums, &mixture, &mut damping) else {
+            let Some((next, there, gain)) = self.step(&theta, &placed, &sums, &mixture, &mut damping) else {
                 converged = true;
                 break;
             };
-            theta = next;
+            // Frames and weights follow theta while it moves by much, noise and clutter always.
+            let has_moved = !placed.same_neighbours(&there);
+            (theta, placed) = (next, there);
             converged = gain < NATS;
-            // Frames, noise and clutter follow theta.
-            placed = self.place(&theta, true)?;
-            self.reweigh(&mut placed, &mixture);
+            if has_moved {
+                self.refresh(&mut placed);
+            }
+            if has_moved || iterations <= ALWAYS_REWEIGHED {
+                self.reweigh(&mut placed, &mixture);
+            }
             let before = mixture.sigma;
             mixture = self.updated(self.variance(&placed, &mixture), &mixture);
             // An equal mode is far behind while its noise still shrinks.
@@ -54,12 +79,13 @@ impl PointsLikelihood<'_> {
             }
             sums = self.sums(&placed, &mixture);
         }
-        let (mixture, log_likelihood) = self.best_mixture(&mut placed, kernel, 10);
+        self.refresh(&mut placed);
+        let (mixture, log_likelihood) = self.mixture_from(&mut placed, &mixture);
         Some(Fit { theta, mixture, log_likelihood, iterations, converged })
     }
 
-    /// Make one step that ascends, with the frames held: (observed + damping complete) step = gradient. Returns theta and the
-    /// gain; `None` where no step ascends.
+    /// Make one step that ascends, with the frames held: (observed + damping complete) step = gradient. Returns theta, the
+    /// source there and the gain; `None` where no step ascends.
     fn step(
         &self,
         theta: &[f64],
@@ -67,7 +93,7 @@ impl PointsLikelihood<'_> {
         sums: &Sums,
         mixture: &Mixture,
         damping: &mut f64,
-    ) -> Option<(Vec<f64>, f64)> {
+    ) -> Option<(Vec<f64>, Placed, f64)> {
         let n = sums.gradient.len();
         for _ in 0..8 {
             let matrix: Vec<f64> =
@@ -86,10 +112,12 @@ impl PointsLikelihood<'_> {
                 step.iter_mut().for_each(|s| *s *= longest / moved);
             }
             let next = self.mover.retract(theta, &step);
-            let reached = self.replace(&next, placed).map(|placed| self.log_likelihood(&placed, mixture));
-            if let Some(gain) = reached.map(|value| value - sums.log_likelihood).filter(|gain| *gain > 0.0) {
-                *damping *= 0.2;
-                return Some((next, gain));
+            if let Some(there) = self.replace(&next, placed) {
+                let gain = self.log_likelihood(&there, mixture) - sums.log_likelihood;
+                if gain > 0.0 {
+                    *damping *= 0.2;
+                    return Some((next, there, gain));
+                }
             }
             *damping = (*damping * 6.0).max(0.05);
         }

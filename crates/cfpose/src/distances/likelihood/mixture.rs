@@ -13,7 +13,15 @@ impl PointsLikelihood<'_> {
     pub fn best_mixture(&self, placed: &mut Placed, kernel: Kernel, grid: usize) -> (Mixture, f64) {
         let (mixture, _) = self.likely_mixture(placed, kernel, grid);
         self.reweigh(placed, &mixture);
-        self.likely_mixture(placed, kernel, grid)
+        self.settled(placed, mixture, self.log_likelihood(placed, &mixture))
+    }
+
+    /// Return the mixture that is most likely at a placement, from one that is about as likely, and its log likelihood.
+    pub fn mixture_from(&self, placed: &mut Placed, mixture: &Mixture) -> (Mixture, f64) {
+        self.reweigh(placed, mixture);
+        let (mixture, _) = self.settled(placed, *mixture, self.log_likelihood(placed, mixture));
+        self.reweigh(placed, &mixture);
+        self.settled(placed, mixture, self.log_likelihood(placed, &mixture))
     }
 
     /// Return the kernel that is more likely at theta.
@@ -35,8 +43,12 @@ impl PointsLikelihood<'_> {
                 best = Some((mixture, value));
             }
         }
-        let (mut mixture, mut value) =
-            best.unwrap_or((Mixture { kernel, sigma: bounds[1], clutter: 0.5 }, f64::NEG_INFINITY));
+        let (mixture, value) = best.unwrap_or((Mixture { kernel, sigma: bounds[1], clutter: 0.5 }, f64::NEG_INFINITY));
+        self.settled(placed, mixture, value)
+    }
+
+    /// Lead s and c to their fixed point, while that gains.
+    fn settled(&self, placed: &Placed, mut mixture: Mixture, mut value: f64) -> (Mixture, f64) {
         for _ in 0..4 {
             let next = self.updated(self.variance(placed, &mixture), &mixture);
             let reached = self.log_likelihood(placed, &next);

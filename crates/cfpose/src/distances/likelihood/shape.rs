@@ -70,6 +70,12 @@ impl Shape {
         (0..x.len()).map(|k| self.frame(k, mapped, (width * spacing[k].max(least)).powi(2))).collect()
     }
 
+    /// Return the normal at a mapped point: the axis along which the shape is much thinner than across it; `None` where there is none.
+    pub fn normal(&self, k: usize, mapped: &Mapped) -> Option<[f64; 3]> {
+        let frame = self.frame(k, mapped, 1.0);
+        (frame.along < 0.5 * frame.across).then_some(frame.axis)
+    }
+
     /// Fit the frame of a point whose tangential variance is `square`.
     fn frame(&self, k: usize, mapped: &Mapped, square: f64) -> Frame {
         let list = self.list(k);
