@@ -211,6 +211,9 @@ pub struct EstimateArgs {
     /// Report the correspondence also for 1000 points and more: of nearest points, or one to one (up to 1000 points)
     #[arg(long, value_name = "HOW", num_args = 0..=1, require_equals = true, default_missing_value = "nearest")]
     pub correspondence: Option<Matching>,
+    /// End after so many seconds (set-up not counted) with the best so far, which is never `good`
+    #[arg(long, value_name = "SECS", value_parser = seconds)]
+    pub deadline: Option<std::time::Duration>,
     /// Print every iteration
     #[arg(long, short)]
     pub verbose: bool,
@@ -463,4 +466,12 @@ pub fn numbers(text: &str) -> Option<Vec<f64>> {
     let parts = text.split(|c: char| c == ',' || c == ';' || c.is_whitespace()).filter(|part| !part.is_empty());
     let list: Result<Vec<f64>, _> = parts.map(str::parse).collect();
     list.ok().filter(|list| !list.is_empty())
+}
+
+/// Parse a time limit: seconds above 0, at most 1e9.
+fn seconds(text: &str) -> Result<std::time::Duration, String> {
+    let value = text.parse::<f64>().ok().filter(|value| *value > 0.0 && *value <= 1e9);
+    value
+        .map(std::time::Duration::from_secs_f64)
+        .ok_or_else(|| "expected seconds above 0, at most 1e9, such as --deadline 0.5".to_string())
 }

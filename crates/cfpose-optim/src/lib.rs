@@ -17,6 +17,7 @@ pub mod constraint;
 pub mod covariance;
 pub mod descent;
 pub mod entry;
+mod interrupt;
 pub mod linear;
 pub mod manifold;
 pub mod masked;
@@ -31,6 +32,7 @@ pub mod tangent;
 pub mod testproblems;
 
 pub use descent::{Proposal, Search, StepRule, descend};
+pub use interrupt::Interrupt;
 pub use linear::Qr;
 pub use manifold::Manifold;
 pub use observe::Observer;

@@ -57,6 +57,11 @@ impl Status {
         matches!(self, Status::GradientTolerance | Status::CostTolerance | Status::StepTolerance | Status::ZeroResidual)
     }
 
+    /// Say whether a deadline or a cancel flag ended the solve.
+    pub fn is_interruption(self) -> bool {
+        matches!(self, Status::Deadline | Status::Cancelled)
+    }
+
     /// Say whether the best point may be used: everything but a failure; a limit with a finite best point is usable.
     pub fn usable(self) -> bool {
         !matches!(self, Status::NumericalFailure | Status::Unsupported)

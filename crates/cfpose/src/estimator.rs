@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use cfpose_optim::manifold::Manifold;
 use cfpose_optim::outcome::Counts;
-use cfpose_optim::{LeastSquares, Observer, Outcome, Status};
+use cfpose_optim::{Interrupt, LeastSquares, Observer, Outcome, Status};
 
 use crate::criteria::Criteria;
 use crate::entry::BuildContext;
@@ -60,10 +60,16 @@ use workbench::Data;
 pub struct Supervision<'a> {
     /// Raised by another thread to stop.
     pub cancel: Option<&'a AtomicBool>,
-    /// Wall-clock limit of each solve.
+    /// Wall-clock limit of the whole estimate: search, solves, likelihood and statistics.
     pub deadline: Option<Duration>,
     /// Sees every iteration.
     pub observer: Option<&'a mut dyn Observer>,
+}
+
+/// What interrupts a search, and what sees its iterations.
+struct Watch<'a> {
+    interrupt: Interrupt<'a>,
+    observer: Option<&'a mut dyn Observer>,
 }
 
 /// What every stage of an estimate shares.
@@ -180,21 +186,29 @@ impl Estimator {
     }
 
     /// Run the pipeline, refine the best, compare it with what else was found, judge it.
-    fn search(&self, starts: Option<Vec<Vec<f64>>>, mut supervision: Supervision<'_>) -> Result<Estimate, Error> {
+    fn search(&self, starts: Option<Vec<Vec<f64>>>, supervision: Supervision<'_>) -> Result<Estimate, Error> {
+        let interrupt = Interrupt::new(supervision.cancel, supervision.deadline);
+        let mut watch = Watch { interrupt, observer: supervision.observer };
         for stage in &self.stages.ready {
             stage.problem.require_enough_features()?;
         }
-        let mut search = Search::new(&self.parts, &self.pipeline, &self.stages);
+        let mut search = Search::new(&self.parts, &self.pipeline, &self.stages, interrupt);
         let given = match starts {
             Some(starts) => starts,
             None => search.given()?,
         };
-        let found = search.run(&given, &mut supervision)?;
+        let found = search.run(&given, &mut watch)?;
         let Some(mut best) = found.best else { return Ok(self.nothing(&search, &given)) };
         let stage = self.stages.last();
         let usable = best.outcome.usable();
-        let (mut warnings, alternatives) =
-            if usable { search.compare(&mut best, &found.all) } else { (Vec::new(), Vec::new()) };
+        if let Some(status) = interrupt.status().filter(|_| usable && !found.finished) {
+            (best.outcome.status, best.outcome.message) = (status, interrupt.words().to_string());
+        }
+        let (mut warnings, alternatives) = if usable && !best.outcome.status.is_interruption() {
+            search.compare(&mut best, &found.all)
+        } else {
+            (Vec::new(), Vec::new())
+        };
         // Cost and status are those of the theta that is returned.
         let theta = best.theta.clone();
         if usable {
@@ -208,6 +222,9 @@ impl Estimator {
                 statistics.covariance_at_centroid = Some(here);
             }
             undetermined::without(&best.undetermined, &mut statistics.covariance);
+        }
+        if best.outcome.status.is_interruption() {
+            warnings.push(interrupt.words().to_string());
         }
         warnings.extend(verdict::reasons(&best, stage, &self.parts).into_iter().map(|(words, _)| words));
         let conditioning = if usable { self.conditioning(&best) } else { self.unknown() };
@@ -255,7 +272,9 @@ impl Estimator {
         let stage = self.stages.last();
         let theta = given.first().unwrap_or(&self.parts.reference).clone();
         let ambient = stage.adopt(&theta, &self.parts);
-        let message = if search.starts == 0 {
+        let message = if search.interrupt.is_raised() {
+            search.interrupt.words()
+        } else if search.starts == 0 {
             "the start strategy proposed no start"
         } else {
             "no start led to a plausible theta: in front of the camera, facing it"
@@ -264,7 +283,7 @@ impl Estimator {
             theta: ambient.clone(),
             cost: f64::INFINITY,
             violation: 0.0,
-            status: Status::Stalled,
+            status: search.interrupt.status().unwrap_or(Status::Stalled),
             message: message.to_string(),
             gradient_norm: f64::NAN,
             counts: Counts::default(),
@@ -325,7 +344,7 @@ impl Estimator {
     /// # Errors
     /// [`Error::Unsupported`] for a strategy that does not apply to the model.
     pub fn starts(&self) -> Result<Vec<Vec<f64>>, Error> {
-        Search::new(&self.parts, &self.pipeline, &self.stages).given()
+        Search::new(&self.parts, &self.pipeline, &self.stages, Interrupt::default()).given()
     }
 
     /// Return the step that leads from one theta to another (ambient) in the coordinates of

@@ -10,11 +10,12 @@ use cfpose_lab::plot::{of_estimate, overlay, overlay_png, panels};
 use cfpose_vision::{Camera, PoseFormat, StampedPose, write_points};
 
 use crate::args::{EstimateArgs, Matching};
-use crate::failure::Failure;
+use crate::failure::{Failure, Kind};
 use crate::inputs::{self, Loaded};
 use crate::output;
 use crate::progress::Watch;
 use crate::report::{PoseReport, Report};
+use crate::signals::Signals;
 
 /// Source sets smaller than this get their correspondence reported without being asked.
 const SMALL: usize = 1000;
@@ -30,8 +31,10 @@ pub fn run(args: &EstimateArgs, lab: &Lab) -> Result<(), Failure> {
     output::keep_apart(&inputs::named(&args.problem), &outputs)?;
     let loaded = inputs::load(&args.problem, &lab.registry)?;
     check_outputs(args, &loaded)?;
-    let mut watch = Watch::new(args.verbose, loaded.estimator.settings().given_starts().len());
-    let supervision = Supervision { observer: Some(&mut watch), ..Supervision::default() };
+    let signals = Signals::watch();
+    let mut watch = Watch::new(args.verbose);
+    let supervision =
+        Supervision { observer: Some(&mut watch), cancel: Some(signals.flag()), deadline: args.deadline };
     let estimate = loaded
         .estimator
         .solve(supervision)
@@ -46,7 +49,14 @@ pub fn run(args: &EstimateArgs, lab: &Lab) -> Result<(), Failure> {
         plot(path, args, &loaded, &estimate)?;
     }
     if estimate.usable() {
-        return write_outputs(args, &loaded, &estimate);
+        write_outputs(args, &loaded, &estimate)?;
+    }
+    if let Some((code, name)) = signals.caught() {
+        let text = format!("stopped by {name}: what is printed is the best so far");
+        return Err(Failure { kind: Kind::Stopped(code), ..Failure::unusable(text) });
+    }
+    if estimate.usable() {
+        return Ok(());
     }
     let (status, message) = (estimate.outcome.status.name(), &estimate.outcome.message);
     Err(Failure::unusable(format!("no usable result: {status}: {message}")))

@@ -14,6 +14,7 @@
 use std::sync::Arc;
 
 use cfpose_kernel::points::Points;
+use cfpose_optim::Interrupt;
 
 use super::neighbours::Neighbours;
 use super::{Mapped, Mover};
@@ -69,6 +70,8 @@ pub(crate) struct PointsLikelihood<'a> {
     pub size: f64,
     /// Source points near a target point that may explain it, at most.
     neighbours: usize,
+    /// When to end early: alignments and ascents then return nothing.
+    interrupt: Interrupt<'a>,
 }
 
 /// The source at one theta, ready to be compared with the target.
@@ -139,7 +142,13 @@ impl<'a> PointsLikelihood<'a> {
             log_uniform,
             size,
             neighbours,
+            interrupt: Interrupt::default(),
         })
+    }
+
+    /// Let alignments and ascents end early.
+    pub fn with_interrupt(self, interrupt: Interrupt<'a>) -> Self {
+        Self { interrupt, ..self }
     }
 
     /// Return the log likelihood of a target that is all clutter: the null hypothesis of [`PointsLikelihood::evidence`].

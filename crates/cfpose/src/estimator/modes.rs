@@ -83,6 +83,9 @@ impl Search<'_> {
         let coarse = self.covering(self.parts.criteria.coarse_points)?;
         let fine = self.comparison()?;
         let (Some(coarse), Some(fine)) = (coarse, fine) else { return Ok(None) };
+        if self.interrupt.is_raised() {
+            return Ok(None);
+        }
         let starts = self.aligned(&coarse, found, given)?;
         let roughly = self.ascended(&coarse, self.worth_polishing(starts, self.parts.criteria.ascended));
         let mut fits: Vec<Fit> = Vec::new();
@@ -127,7 +130,8 @@ impl Search<'_> {
         let mut rng = stream(self.parts.settings.seed, name);
         let source = thin(&stage.all_source, num_source, &mut rng).map_err(of_side(Side::Source))?;
         let target = thin(&stage.sides.mapped_target, num_target, &mut rng).map_err(of_side(Side::Target))?;
-        Ok(PointsLikelihood::new(&stage.problem, &source, target.rows(), neighbours))
+        let likelihood = PointsLikelihood::new(&stage.problem, &source, target.rows(), neighbours);
+        Ok(likelihood.map(|likelihood| likelihood.with_interrupt(self.interrupt)))
     }
 
     /// Prepare the likelihood of points that cover both sides: of the source an even part, of the target half an even part, which dense
@@ -136,7 +140,8 @@ impl Search<'_> {
         let stage = self.last();
         let source = even(&stage.all_source, num_source).map_err(of_side(Side::Source))?;
         let rows = self.parts_of_target(num_target / 2)?.map(|part| part.rows()).concat();
-        Ok(PointsLikelihood::new(&stage.problem, &source, rows, NEIGHBOURS[0]))
+        let likelihood = PointsLikelihood::new(&stage.problem, &source, rows, NEIGHBOURS[0]);
+        Ok(likelihood.map(|likelihood| likelihood.with_interrupt(self.interrupt)))
     }
 
     fn parts_of_target(&self, count: usize) -> Result<[Points; 2], Error> {

@@ -1,6 +1,6 @@
 //! What is done with a fit that the statistics refuse: outliers of the target are found and left out.
 
-use super::Supervision;
+use super::Watch;
 use super::candidate::{Candidate, PointFit};
 use super::pipeline::{NoiseModel, Outliers, Pipeline};
 use super::search::{Search, Stages};
@@ -21,13 +21,13 @@ pub(super) struct Repaired {
 
 impl Search<'_> {
     /// Look for outliers: hypotheses, rejection, the last stages again on what is left.
-    pub fn repair(&mut self, supervision: &mut Supervision<'_>) -> Result<Option<Repaired>, Error> {
+    pub fn repair(&mut self, watch: &mut Watch<'_>) -> Result<Option<Repaired>, Error> {
         let fitted = match self.pipeline.outliers {
             Outliers::None => None,
-            Outliers::Ransac => self.by_clusters(supervision)?,
+            Outliers::Ransac => self.by_clusters(watch)?,
         };
         match fitted {
-            Some(fit) => self.without_outliers(fit, supervision),
+            Some(fit) => self.without_outliers(fit, watch),
             None => Ok(None),
         }
     }
@@ -36,7 +36,7 @@ impl Search<'_> {
     fn without_outliers(
         &mut self,
         fit: PointFit,
-        supervision: &mut Supervision<'_>,
+        watch: &mut Watch<'_>,
     ) -> Result<Option<Repaired>, Error> {
         let (stage, criteria) = (self.last(), &self.parts.criteria);
         let support = stage.support(&fit.theta)?;
@@ -54,7 +54,7 @@ impl Search<'_> {
         let clutter = 1.0 - kept.len() as f64 / target.len() as f64;
         let data = self.stages.data.keep(None, Some(&kept))?;
         let first = self.first_on_final_model();
-        let candidate = self.on_part(data, first, &fit.theta, supervision)?;
+        let candidate = self.on_part(data, first, &fit.theta, watch)?;
         Ok(candidate.map(|candidate| Repaired { fit, clutter, candidate, support }))
     }
 
@@ -64,12 +64,12 @@ impl Search<'_> {
         data: super::workbench::Data,
         first: usize,
         theta: &[f64],
-        supervision: &mut Supervision<'_>,
+        watch: &mut Watch<'_>,
     ) -> Result<Option<Candidate>, Error> {
         let stages = Stages::new(self.parts, data, self.pipeline, first)?;
         let pipeline = Pipeline { stages: self.pipeline.stages[first..].to_vec(), ..self.pipeline.clone() };
-        let mut search = Search::new(self.parts, &pipeline, &stages);
-        let candidate = search.climb(theta, supervision)?;
+        let mut search = Search::new(self.parts, &pipeline, &stages, self.interrupt);
+        let candidate = search.climb(theta, watch)?;
         self.absorb(first, &search);
         Ok(candidate)
     }

@@ -1,7 +1,7 @@
 //! The last word: the likelihood of the points chooses among the modes, and says how sure one may be
 //! (docs/method.md, *The likelihood of the points*).
 
-use super::Supervision;
+use super::Watch;
 use super::candidate::{Candidate, PointFit};
 use super::modes::{Mode, Modes, NEIGHBOURS, ONE_MODE};
 use super::search::Search;
@@ -46,10 +46,10 @@ impl Search<'_> {
         modes: &Modes,
         found: &[Candidate],
         given: &[Vec<f64>],
-        supervision: &mut Supervision<'_>,
+        watch: &mut Watch<'_>,
     ) -> Result<Option<Candidate>, Error> {
         let chosen = self.chosen(modes, given);
-        let Some(mut candidate) = self.means_at(&chosen.fit, found, supervision)? else { return Ok(None) };
+        let Some(mut candidate) = self.means_at(&chosen.fit, found, watch)? else { return Ok(None) };
         let evidence = match self.agreed(modes, chosen, &candidate)? {
             Some(evidence) => evidence,
             None => {
@@ -171,7 +171,7 @@ impl Search<'_> {
         &mut self,
         fit: &Fit,
         found: &[Candidate],
-        supervision: &mut Supervision<'_>,
+        watch: &mut Watch<'_>,
     ) -> Result<Option<Candidate>, Error> {
         let inliers = self.inliers(&fit.theta, &fit.mixture)?;
         let Some(rows) = inliers else {
@@ -180,12 +180,12 @@ impl Search<'_> {
                 return Ok(Some(known.clone()));
             }
             let first = self.first_on_final_model();
-            return self.on_part(self.stages.data.clone(), first, &fit.theta, supervision);
+            return self.on_part(self.stages.data.clone(), first, &fit.theta, watch);
         };
         let share = 1.0 - rows.len() as f64 / self.stages.data.target.len() as f64;
         let data = self.stages.data.keep(None, Some(&rows))?;
         let first = self.first_on_final_model();
-        let candidate = self.on_part(data, first, &fit.theta, supervision)?;
+        let candidate = self.on_part(data, first, &fit.theta, watch)?;
         Ok(candidate.map(|candidate| Candidate { clutter: Some(share), ..candidate }))
     }
 

@@ -8,7 +8,7 @@
 use rand::RngExt;
 use rand_chacha::ChaCha12Rng;
 
-use super::Supervision;
+use super::Watch;
 use super::candidate::{Candidate, PointFit};
 use super::pipeline::{Outliers, Pipeline};
 use super::search::{Search, Stages};
@@ -52,7 +52,7 @@ fn clusters(points: &Points, count: usize, rng: &mut ChaCha12Rng) -> Vec<usize> 
 
 impl Search<'_> {
     /// Leave clusters of the target out in turn, climb on the rest, and keep the pose that explains all points best.
-    pub fn by_clusters(&mut self, supervision: &mut Supervision<'_>) -> Result<Option<PointFit>, Error> {
+    pub fn by_clusters(&mut self, watch: &mut Watch<'_>) -> Result<Option<PointFit>, Error> {
         let (count, pairs) = (self.parts.criteria.clusters.max(2), self.parts.criteria.cluster_pairs);
         let mut rng = stream(self.parts.settings.seed, "ransac");
         let label = clusters(&self.stages.data.target, count, &mut rng);
@@ -60,6 +60,9 @@ impl Search<'_> {
         choices.extend((0..pairs).map(|_| [rng.random_range(0..count), rng.random_range(0..count)]));
         let mut best: Option<(bool, f64, Candidate)> = None;
         for left_out in choices {
+            if self.interrupt.is_raised() {
+                break;
+            }
             let kept: Vec<usize> = (0..label.len()).filter(|k| !left_out.contains(&label[*k])).collect();
             let Ok(data) = self.stages.data.keep(None, Some(&kept)) else { continue };
             if data.target.require_spread(3).is_err() {
@@ -67,11 +70,11 @@ impl Search<'_> {
             }
             let stages = Stages::new(self.parts, data, self.pipeline, 0)?;
             let pipeline = Pipeline { outliers: Outliers::None, restarts: 0, ..self.pipeline.clone() };
-            let mut search = Search::new(self.parts, &pipeline, &stages);
+            let mut search = Search::new(self.parts, &pipeline, &stages, self.interrupt);
             let given = search.given()?;
             let found = match given.is_empty() {
-                true => search.global(usize::MAX, supervision)?,
-                false => search.climb_given(&given, supervision)?,
+                true => search.global(usize::MAX, watch)?,
+                false => search.climb_given(&given, watch)?,
             };
             self.absorb(0, &search);
             let Some(candidate) = found.into_iter().next().filter(|c| c.plausible) else { continue };

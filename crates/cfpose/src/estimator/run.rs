@@ -1,6 +1,6 @@
 //! From a pipeline to an answer: what is tried, in order of its cost, until a candidate is accepted.
 
-use super::Supervision;
+use super::Watch;
 use super::candidate::Candidate;
 use super::pipeline::{Outliers, Pipeline};
 use super::search::{Search, ranked};
@@ -47,6 +47,8 @@ pub(super) struct Found {
     pub all: Vec<Candidate>,
     /// The best, which may be a repaired one that is not among them.
     pub best: Option<Candidate>,
+    /// Nothing was left out because of a deadline or a cancel flag.
+    pub finished: bool,
 }
 
 impl Search<'_> {
@@ -54,17 +56,22 @@ impl Search<'_> {
     ///
     /// # Errors
     /// [`Error`] for misuse of a solver, a start strategy that does not apply, points mapped to infinity.
-    pub fn run(&mut self, given: &[Vec<f64>], supervision: &mut Supervision<'_>) -> Result<Found, Error> {
+    pub fn run(&mut self, given: &[Vec<f64>], watch: &mut Watch<'_>) -> Result<Found, Error> {
         let mut found = Found::default();
         for step in plan(self.pipeline, given, &self.parts.criteria) {
-            self.take(step, &mut found, supervision)?;
-            if found.best.as_ref().is_some_and(|best| best.accepted) {
+            self.take(step, &mut found, watch)?;
+            let is_accepted = found.best.as_ref().is_some_and(|best| best.accepted);
+            if self.interrupt.is_raised() {
+                return Ok(found);
+            }
+            if is_accepted {
                 break;
             }
         }
         if self.pipeline.points.is_some() && !self.last().model().target.is_moving() {
-            self.by_points(&mut found, given, supervision)?;
+            self.by_points(&mut found, given, watch)?;
         }
+        found.finished = !self.interrupt.is_raised();
         Ok(found)
     }
 
@@ -73,21 +80,22 @@ impl Search<'_> {
         &mut self,
         found: &mut Found,
         given: &[Vec<f64>],
-        supervision: &mut Supervision<'_>,
+        watch: &mut Watch<'_>,
     ) -> Result<(), Error> {
         let Some(modes) = self.modes(&found.all, given)? else { return Ok(()) };
-        if let Some(candidate) = self.settle(&modes, &found.all, given, supervision)? {
+        let settled = self.settle(&modes, &found.all, given, watch)?;
+        if let Some(candidate) = settled.filter(|_| !self.interrupt.is_raised()) {
             found.best = Some(candidate);
         }
         Ok(())
     }
 
-    fn take(&mut self, step: Step, found: &mut Found, supervision: &mut Supervision<'_>) -> Result<(), Error> {
+    fn take(&mut self, step: Step, found: &mut Found, watch: &mut Watch<'_>) -> Result<(), Error> {
         let more = match step {
-            Step::Given(starts) => self.climb_given(&starts, supervision)?,
-            Step::Restarts(start, count) => self.restarts(&start, 0..count, supervision)?,
-            Step::Global(count) => self.global(count, supervision)?,
-            Step::Outliers => return self.question(found, supervision),
+            Step::Given(starts) => self.climb_given(&starts, watch)?,
+            Step::Restarts(start, count) => self.restarts(&start, 0..count, watch)?,
+            Step::Global(count) => self.global(count, watch)?,
+            Step::Outliers => return self.question(found, watch),
         };
         if more.is_empty() {
             return Ok(());
@@ -105,8 +113,8 @@ impl Search<'_> {
     }
 
     /// Replace the best where leaving outliers out explains the data better.
-    fn question(&mut self, found: &mut Found, supervision: &mut Supervision<'_>) -> Result<(), Error> {
-        let Some(repaired) = self.repair(supervision)? else { return Ok(()) };
+    fn question(&mut self, found: &mut Found, watch: &mut Watch<'_>) -> Result<(), Error> {
+        let Some(repaired) = self.repair(watch)? else { return Ok(()) };
         let support = repaired.support;
         let is_farther =
             |kept: &Candidate| kept.support.is_none_or(|s| support.distance() < s.distance()) || !kept.plausible;

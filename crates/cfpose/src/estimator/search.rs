@@ -1,5 +1,6 @@
 //! The search: candidates climb through the stages from every start; starts are proposed, screened, perturbed.
 
+use cfpose_optim::Interrupt;
 use cfpose_optim::manifold::Manifold;
 use cfpose_optim::problem::LeastSquares;
 use rand::RngExt;
@@ -12,7 +13,7 @@ use super::pipeline::Pipeline;
 use super::settings::Start;
 use super::stage::ReadyStage;
 use super::workbench::{Data, Workbench};
-use super::{Parts, Supervision};
+use super::{Parts, Watch};
 use crate::error::Error;
 use crate::geometry::theta::BlockKind;
 use crate::model::{LinearKind, Scene};
@@ -51,13 +52,15 @@ pub(super) struct Search<'a> {
     pub starts: usize,
     /// Size of the source in the unit of a translation: twice its root mean square radius.
     pub size: f64,
+    /// When to end early.
+    pub interrupt: Interrupt<'a>,
     /// Screened global starts with their costs, best last; `None` before the screening.
     queue: Option<Vec<(f64, Vec<f64>)>>,
 }
 
 impl<'a> Search<'a> {
     /// Begin.
-    pub fn new(parts: &'a Parts, pipeline: &'a Pipeline, stages: &'a Stages) -> Self {
+    pub fn new(parts: &'a Parts, pipeline: &'a Pipeline, stages: &'a Stages, interrupt: Interrupt<'a>) -> Self {
         let reports = stages.ready.iter().map(|stage| StageReport::new(&stage.stage.name)).collect();
         let stage = stages.last();
         // A rigid map keeps lengths; a similarity or an affine map puts the target's on translations.
@@ -66,7 +69,7 @@ impl<'a> Search<'a> {
         let covariance = points.covariance();
         let size = 2.0 * (covariance[0][0] + covariance[1][1] + covariance[2][2]).sqrt();
         let size = if size > 0.0 { size } else { 1.0 };
-        Self { parts, pipeline, stages, reports, iterations: 0, starts: 0, size, queue: None }
+        Self { parts, pipeline, stages, reports, iterations: 0, starts: 0, size, interrupt, queue: None }
     }
 
     /// Add the work of a search over the stages from `first` on, on a part of the points.
@@ -90,28 +93,31 @@ impl<'a> Search<'a> {
     }
 
     /// Solve one stage and count.
-    fn solve(&mut self, index: usize, theta: &[f64], supervision: &mut Supervision<'_>) -> Result<Candidate, Error> {
-        let solved = self.stages.ready[index].solve(theta, self.parts, supervision)?;
+    fn solve(&mut self, index: usize, theta: &[f64], watch: &mut Watch<'_>) -> Result<Candidate, Error> {
+        let solved = self.stages.ready[index].solve(theta, self.parts, watch)?;
         self.reports[index].count(solved.evaluations);
         self.iterations += solved.iterations;
         Ok(solved)
     }
 
     /// Lead one theta through all stages; `None` where a gate or a solver gave it up.
-    pub fn climb(&mut self, theta: &[f64], supervision: &mut Supervision<'_>) -> Result<Option<Candidate>, Error> {
-        self.climb_from(0, theta, supervision)
+    pub fn climb(&mut self, theta: &[f64], watch: &mut Watch<'_>) -> Result<Option<Candidate>, Error> {
+        self.climb_from(0, theta, watch)
     }
 
     fn climb_from(
         &mut self,
         first: usize,
         theta: &[f64],
-        supervision: &mut Supervision<'_>,
+        watch: &mut Watch<'_>,
     ) -> Result<Option<Candidate>, Error> {
         let (mut theta, mut last) = (theta.to_vec(), None);
         let count = self.stages.ready.len();
         for index in first..count {
-            let solved = self.solve(index, &theta, supervision)?;
+            let solved = self.solve(index, &theta, watch)?;
+            if self.interrupt.is_raised() && (index + 1 < count || !solved.outcome.usable()) {
+                return Ok(Some(self.last().unsolved(&solved.theta, self.parts).on(&self.stages.data)));
+            }
             let gated = self.stages.ready[index].stage.gate;
             let passes = solved.outcome.usable() && (!gated || self.is_plausible(&solved.theta));
             if !passes && index + 1 < count {
@@ -128,7 +134,7 @@ impl<'a> Search<'a> {
     fn weigh(&self, mut found: Candidate) -> Result<Candidate, Error> {
         found.plausible = self.is_plausible(&found.theta);
         let usable = found.outcome.usable();
-        if self.pipeline.support && usable {
+        if self.pipeline.support && usable && !self.interrupt.is_raised() {
             found.support = Some(self.last().support(&found.theta)?);
         }
         let agrees = found.statistics.as_ref().is_some_and(|s| s.reduced() < self.pipeline.accept);
@@ -158,12 +164,15 @@ impl<'a> Search<'a> {
     pub fn climb_given(
         &mut self,
         given: &[Vec<f64>],
-        supervision: &mut Supervision<'_>,
+        watch: &mut Watch<'_>,
     ) -> Result<Vec<Candidate>, Error> {
         let mut found = Vec::new();
         for start in given {
             self.starts += 1;
-            found.extend(self.climb(start, supervision)?);
+            found.extend(self.climb(start, watch)?);
+            if self.interrupt.is_raised() {
+                break;
+            }
         }
         Ok(ranked(found))
     }
@@ -173,21 +182,26 @@ impl<'a> Search<'a> {
         &mut self,
         start: &[f64],
         range: std::ops::Range<usize>,
-        supervision: &mut Supervision<'_>,
+        watch: &mut Watch<'_>,
     ) -> Result<Vec<Candidate>, Error> {
         let (mut found, spreads) = (Vec::new(), self.parts.criteria.perturb);
         for trial in range.start..range.end.min(self.pipeline.restarts) {
             let mut rng = stream(self.parts.settings.seed, &format!("perturb-{trial}"));
             let moved = self.perturbed(start, spreads[trial % spreads.len()], &mut rng);
             self.starts += 1;
-            let candidate = self.climb(&moved, supervision)?;
+            let candidate = self.climb(&moved, watch)?;
             let accepted = candidate.as_ref().is_some_and(|c| c.accepted);
             found.extend(candidate);
-            if accepted {
+            if accepted || self.interrupt.is_raised() {
                 break;
             }
         }
         Ok(ranked(found))
+    }
+
+    /// Return the unweighted cost of a stage at theta; infinite once it is time to end.
+    fn cost(&self, stage: &ReadyStage, theta: &[f64]) -> f64 {
+        if self.interrupt.is_raised() { f64::INFINITY } else { stage.cost(theta, self.parts) }
     }
 
     /// Propose starts by name for a stage, what is fixed held at its value.
@@ -203,7 +217,7 @@ impl<'a> Search<'a> {
         source: &Points,
         target: &Points,
     ) -> Result<Vec<Vec<f64>>, Error> {
-        let cost = |theta: &[f64]| stage.cost(theta, self.parts);
+        let cost = |theta: &[f64]| self.cost(stage, theta);
         let context = StartContext {
             model: stage.model(),
             source,
@@ -222,7 +236,7 @@ impl<'a> Search<'a> {
     }
 
     /// Lead the starts of the global strategy through the first stages and queue the best different ones, best last.
-    fn screen(&mut self, supervision: &mut Supervision<'_>) -> Result<Vec<(f64, Vec<f64>)>, Error> {
+    fn screen(&mut self, watch: &mut Watch<'_>) -> Result<Vec<(f64, Vec<f64>)>, Error> {
         let name = self.pipeline.global_start.clone().unwrap_or_else(|| "identity".to_string());
         let mut proposals = self.proposals(&name, self.stages.first())?;
         let (screening, keep) = (self.screening(), self.pipeline.keep);
@@ -233,7 +247,7 @@ impl<'a> Search<'a> {
         // Before any solve: the cheapest cost of the first stage, the best of a large set.
         let most = self.parts.criteria.screened * keep;
         if proposals.len() > most {
-            let cost = |theta: Vec<f64>| (self.stages.first().cost(&theta, self.parts), theta);
+            let cost = |theta: Vec<f64>| (self.cost(self.stages.first(), &theta), theta);
             let mut costs: Vec<(f64, Vec<f64>)> = proposals.into_iter().map(cost).collect();
             costs.sort_by(|a, b| a.0.total_cmp(&b.0));
             proposals = costs.into_iter().take(most).map(|(_, theta)| theta).collect();
@@ -243,13 +257,20 @@ impl<'a> Search<'a> {
             self.starts += 1;
             let (mut theta, mut cost) = (start.clone(), f64::INFINITY);
             for index in 0..screening {
-                let solved = self.solve(index, &theta, supervision)?;
+                let solved = self.solve(index, &theta, watch)?;
                 cost = if solved.outcome.usable() { solved.outcome.cost } else { f64::INFINITY };
                 theta.clone_from(&solved.theta);
             }
             screened.push((cost, theta));
+            if self.interrupt.is_raised() {
+                break;
+            }
         }
         screened.sort_by(|a, b| a.0.total_cmp(&b.0));
+        if self.interrupt.is_raised() {
+            screened.truncate(1);
+            return Ok(screened);
+        }
         let mut kept: Vec<(f64, Vec<f64>)> = Vec::new();
         for (cost, theta) in screened {
             let different = kept.iter().all(|(_, other)| !self.is_same(other, &theta));
@@ -264,10 +285,10 @@ impl<'a> Search<'a> {
     /// Lead the next `count` queued starts through the remaining stages.
     ///
     /// An accepted pose ends the search, unless the next start was about as good so far: both are then reported.
-    pub fn global(&mut self, count: usize, supervision: &mut Supervision<'_>) -> Result<Vec<Candidate>, Error> {
+    pub fn global(&mut self, count: usize, watch: &mut Watch<'_>) -> Result<Vec<Candidate>, Error> {
         let mut queue = match self.queue.take() {
             Some(queue) => queue,
-            None => self.screen(supervision)?,
+            None => self.screen(watch)?,
         };
         let (first, clearly_worse) = (self.screening(), self.parts.criteria.clearly_worse);
         let mut found: Vec<Candidate> = Vec::new();
@@ -280,8 +301,11 @@ impl<'a> Search<'a> {
                 queue.push((cost, theta));
                 break;
             }
-            found.extend(self.climb_from(first, &theta, supervision)?);
+            found.extend(self.climb_from(first, &theta, watch)?);
             taken += 1;
+            if self.interrupt.is_raised() {
+                break;
+            }
         }
         self.queue = Some(queue);
         Ok(ranked(found))

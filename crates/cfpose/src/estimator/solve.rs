@@ -1,23 +1,27 @@
 //! How a stage is solved, in the steps of docs/method.md: once, weighted, continuously, and what the statistics say.
 
-use cfpose_optim::{Control, LeastSquares, Outcome, SolveError, Solver, Stopping};
+use cfpose_optim::{Control, Counts, LeastSquares, Outcome, SolveError, Solver, Status, Stopping};
 
 use super::candidate::{By, Candidate, WeightedAt};
 use super::continuous::Continuous;
 use super::stage::ReadyStage;
-use super::{Parts, Supervision};
+use super::workbench::of_side;
+use super::{Parts, Watch};
 use crate::distances::likelihood::PointsLikelihood;
 use crate::distances::sampling::Sampling;
 use crate::distances::support::Support;
-use crate::error::Error;
+use crate::error::{Error, Side};
 use crate::problem::MomentProblem;
 use crate::statistics::weighting::Update;
 use crate::statistics::{self, Statistics};
 
+/// Source points, at most, that a fit is aligned on before its sampling is asked.
+const NEAR_SOURCE: usize = 5000;
+
 /// Runs the solver of a stage under the stopping rules of the settings, and counts.
 pub(super) struct Runner<'a, 'b> {
     pub parts: &'a Parts,
-    pub supervision: &'a mut Supervision<'b>,
+    pub watch: &'a mut Watch<'b>,
     stopping: Stopping,
     evaluations: usize,
     iterations: usize,
@@ -25,14 +29,18 @@ pub(super) struct Runner<'a, 'b> {
 
 impl<'a, 'b> Runner<'a, 'b> {
     /// Take the limits of a stage and of the settings.
-    pub fn new(parts: &'a Parts, supervision: &'a mut Supervision<'b>, stage: &ReadyStage) -> Self {
+    pub fn new(parts: &'a Parts, watch: &'a mut Watch<'b>, stage: &ReadyStage) -> Self {
         let given = &parts.settings.stopping;
         let stopping = Stopping {
             max_iterations: stage.stage.iterations.min(given.max_iterations),
-            deadline: supervision.deadline,
             ..given.clone()
         };
-        Self { parts, supervision, stopping, evaluations: 0, iterations: 0 }
+        Self { parts, watch, stopping, evaluations: 0, iterations: 0 }
+    }
+
+    /// Say whether to end early.
+    fn is_interrupted(&self) -> bool {
+        self.watch.interrupt.is_raised()
     }
 
     /// Solve a problem from theta.
@@ -42,13 +50,14 @@ impl<'a, 'b> Runner<'a, 'b> {
         theta: &[f64],
         solver: &dyn Solver,
     ) -> Result<Outcome, SolveError> {
+        let interrupt = self.watch.interrupt;
         let mut control = Control {
-            stopping: self.stopping.clone(),
+            stopping: Stopping { deadline: interrupt.left(), ..self.stopping.clone() },
             seed: self.parts.settings.seed,
-            cancel: self.supervision.cancel,
+            cancel: interrupt.cancel(),
             ..Control::default()
         };
-        if let Some(observer) = self.supervision.observer.as_deref_mut() {
+        if let Some(observer) = self.watch.observer.as_deref_mut() {
             control.observer = Some(observer);
         }
         let outcome = solver.solve(problem, theta, &mut control)?;
@@ -81,10 +90,10 @@ impl ReadyStage {
     ///
     /// # Errors
     /// [`Error`] for misuse of the solver and points mapped to infinity; not converging is a status.
-    pub fn solve(&self, start: &[f64], parts: &Parts, supervision: &mut Supervision<'_>) -> Result<Candidate, Error> {
-        let mut runner = Runner::new(parts, supervision, self);
+    pub fn solve(&self, start: &[f64], parts: &Parts, watch: &mut Watch<'_>) -> Result<Candidate, Error> {
+        let mut runner = Runner::new(parts, watch, self);
         let mut progress = self.first(start, &mut runner)?;
-        if progress.outcome.usable() {
+        if progress.outcome.usable() && !runner.is_interrupted() {
             match self.weighting.update() {
                 Update::Never => {}
                 Update::Steps(steps) => self.weighted(&mut progress, steps, &mut runner)?,
@@ -116,6 +125,9 @@ impl ReadyStage {
         let support = self.near_support(&progress.theta, parts)?;
         let sampling = parts.settings.sampling.unwrap_or_else(|| self.detect(&support, parts));
         progress.sampling = Some((support, sampling));
+        if runner.is_interrupted() {
+            return Ok(());
+        }
         let mut weighted: Option<MomentProblem> = None;
         for _ in 0..steps {
             let (theta, kappa) = (&progress.theta, self.kappa(sampling));
@@ -126,7 +138,7 @@ impl ReadyStage {
             progress.problem = problem.clone();
             progress.moved_to(outcome);
             weighted = Some(problem);
-            if !progress.outcome.usable() {
+            if !progress.outcome.usable() || runner.is_interrupted() {
                 break;
             }
         }
@@ -136,6 +148,9 @@ impl ReadyStage {
     /// The continuously updated solve: W = S(theta)^-1 follows theta; at its end W is held, so that cost and J are of one W.
     fn continuous(&self, progress: &mut Progress, runner: &mut Runner<'_, '_>) -> Result<(), Error> {
         let (Some((support, sampling)), true) = (progress.sampling, progress.outcome.usable()) else { return Ok(()) };
+        if runner.is_interrupted() {
+            return Ok(());
+        }
         let parts = runner.parts;
         let kappa = self.kappa(sampling);
         let randomness = self.randomness(&progress.theta, Some(&progress.problem), &support, kappa, parts);
@@ -184,6 +199,25 @@ impl ReadyStage {
         }
     }
 
+    /// Make a candidate of a theta of another stage without a solve: the best of a search that was interrupted.
+    pub fn unsolved(&self, theta: &[f64], parts: &Parts) -> Candidate {
+        let theta = self.adopt(theta, parts);
+        let (residual, _) = self.problem.unweighted(&theta, false);
+        let outcome = Outcome {
+            theta: theta.clone(),
+            cost: cfpose_optim::problem::half_squared_norm(&residual),
+            violation: 0.0,
+            status: Status::Cancelled,
+            message: String::new(),
+            gradient_norm: f64::NAN,
+            counts: Counts::default(),
+            seconds: 0.0,
+            trace: Vec::new(),
+        };
+        let problem = self.problem.clone();
+        self.candidate(Progress { theta, outcome, problem, weighted_at: None, sampling: None }, parts)
+    }
+
     /// Compare the points at theta, or, where its misfit may hide the sampling, at a theta that is refined a little.
     fn near_support(&self, theta: &[f64], parts: &Parts) -> Result<Support, Error> {
         let (support, criteria) = (self.support(theta)?, &parts.criteria);
@@ -192,7 +226,10 @@ impl ReadyStage {
             return Ok(support);
         }
         let some = every_nth(&self.sides.mapped_target.rows(), criteria.refine_points);
-        let near = PointsLikelihood::new(&self.problem, &self.all_source, some, 4);
+        // A part of a large source shows where the shape is.
+        let rows: Vec<usize> = (0..self.all_source.len()).step_by(self.all_source.len().div_ceil(NEAR_SOURCE)).collect();
+        let part = self.all_source.select(&rows).map_err(of_side(Side::Source))?;
+        let near = PointsLikelihood::new(&self.problem, &part, some, 4);
         match near.and_then(|near| near.align(theta, &[0.05, 0.02, 0.01], 2)) {
             Some((_, theta)) => self.support(&theta),
             None => Ok(support),

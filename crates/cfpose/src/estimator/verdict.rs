@@ -57,6 +57,9 @@ pub(super) fn verdict(candidate: &Candidate, stage: &ReadyStage, parts: &Parts) 
     if !candidate.outcome.usable() {
         return Some(Verdict::Failed);
     }
+    if candidate.outcome.status.is_interruption() {
+        return Some(Verdict::Suspect);
+    }
     if candidate.evidence.is_none() {
         candidate.statistics.as_ref()?;
     }

@@ -15,6 +15,9 @@ impl PointsLikelihood<'_> {
     /// Move theta by `iterations` robust Gauss-Newton steps at each reach (in sizes of the target); weight of a distance r: (1 + (r / 2 reach)^2)^-2.
     /// Returns the sum of the weights before the last step, and theta.
     pub fn align(&self, theta: &[f64], reaches: &[f64], iterations: usize) -> Option<(f64, Vec<f64>)> {
+        if self.interrupt.is_raised() {
+            return None;
+        }
         let (mut theta, mut fitted) = (theta.to_vec(), 0.0);
         for reach in reaches {
             for _ in 0..iterations {

@@ -55,6 +55,9 @@ impl PointsLikelihood<'_> {
         let mut sums = self.sums(&placed, &mixture);
         let (mut damping, mut iterations, mut converged) = (0.1, 0, false);
         while iterations < max_iterations && !converged {
+            if self.interrupt.is_raised() {
+                return None;
+            }
             iterations += 1;
             let Some((next, there, gain)) = self.step(&theta, &placed, &sums, &mixture, &mut damping) else {
                 converged = true;

@@ -34,6 +34,9 @@ impl PointsLikelihood<'_> {
         let bounds = SIGMA.map(|share| share * self.size);
         let mut best: Option<(Mixture, f64)> = None;
         for k in 0..grid {
+            if self.interrupt.is_raised() {
+                break;
+            }
             let sigma = bounds[0] * (bounds[1] / bounds[0]).powf(k as f64 / (grid - 1) as f64);
             let mut mixture = Mixture { kernel, sigma, clutter: 0.1 };
             let (_, inliers) = self.total(placed, &mixture);
