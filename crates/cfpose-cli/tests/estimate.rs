@@ -2,7 +2,12 @@
 
 mod common;
 
+use std::io::{BufRead, BufReader};
+use std::process::{Command, Stdio};
+
 use common::{Desk, apply, cloud, degrees_between, euler_pose, pose_of, random_pose, shuffle};
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha12Rng;
 use serde_json::{Value, json};
 
 fn motivation() -> Desk {
@@ -313,4 +318,41 @@ fn parameters_have_names_in_the_plane_too() {
         |model: &str| desk.json(&format!("estimate --model {model} --source p.csv --target p.csv"))["free"].clone();
     assert_eq!(free("rigid2"), json!(["angle", "tx", "ty"]));
     assert_eq!(free("similarity2"), json!(["angle", "tx", "ty", "scale"]));
+}
+
+#[test]
+fn a_deadline_and_a_signal_end_an_estimate_with_the_best_so_far() {
+    let desk = Desk::new();
+    let mut rng = ChaCha12Rng::seed_from_u64(2);
+    let mut row = || -> Vec<f64> {
+        let v: Vec<f64> = (0..3).map(|_| rng.random_range(-1.0..1.0)).collect();
+        vec![v[0], v[1], v[2] * (1.2 + v[0] * v[1])]
+    };
+    let rows: Vec<Vec<f64>> = (0..20_000).map(|_| row()).collect();
+    let half: Vec<Vec<f64>> = rows.iter().filter(|p| p[0] > 0.0).map(|p| vec![-p[1], p[0], p[2] + 0.3]).collect();
+    desk.write_rows("p.csv", &rows);
+    desk.write_rows("q.csv", &half);
+    let line = "estimate --source p.csv --target q.csv --model rigid3";
+    let late = desk.json(&format!("{line} --deadline 0.02"));
+    assert_eq!((late["status"].as_str(), late["verdict"].as_str()), (Some("deadline"), Some("suspect")), "{late}");
+    for wrong in ["0", "-1", "soon", "nan"] {
+        assert_eq!(desk.run(&format!("{line} --deadline={wrong}")).code, 2);
+    }
+    // The signal comes at the first iteration that is printed.
+    let mut child = Command::new(env!("CARGO_BIN_EXE_cfpose"))
+        .args(line.split(' ').chain(["--verbose", "--json", "stopped.json"]))
+        .current_dir(desk.path(""))
+        .stdout(Stdio::null())
+        .stderr(Stdio::piped())
+        .spawn()
+        .expect("the program starts");
+    let mut lines = BufReader::new(child.stderr.take().expect("a pipe")).lines();
+    assert!(lines.next().expect("a line").expect("text").contains("iteration"));
+    let sent = Command::new("kill").args(["-INT", &child.id().to_string()]).status().expect("kill runs");
+    assert!(sent.success());
+    let rest: Vec<String> = lines.map(|line| line.expect("text")).collect();
+    assert_eq!(child.wait().expect("the program ends").code(), Some(130));
+    assert!(rest.last().is_some_and(|line| line.contains("stopped by SIGINT")), "{rest:?}");
+    let stopped: serde_json::Value = serde_json::from_str(&desk.read("stopped.json")).expect("JSON");
+    assert_eq!(stopped["status"], "cancelled");
 }

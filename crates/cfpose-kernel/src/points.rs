@@ -152,6 +152,21 @@ impl Points {
         Ok(Self { len, columns, weights, uniform: false, in_curve_order: false, attributes: BTreeMap::new() })
     }
 
+    /// Give every point the weight 1: for points that were drawn in proportion to their weights.
+    ///
+    /// ```
+    /// use cfpose_kernel::Points;
+    /// let points = Points::weighted(vec![vec![0.0, 1.0]], vec![3.0, 0.5]).unwrap().with_equal_weights();
+    /// assert_eq!(points.weights(), [1.0, 1.0]);
+    /// ```
+    #[must_use]
+    pub fn with_equal_weights(mut self) -> Self {
+        let len = self.len;
+        self.weights[..len].fill(1.0);
+        self.uniform = true;
+        self
+    }
+
     /// State that consecutive points are neighbours on a curve, so that thinning is a quadrature.
     #[must_use]
     pub fn in_curve_order(mut self) -> Self {

@@ -90,6 +90,29 @@ pub(crate) fn thin(points: &Points, limit: usize, rng: &mut impl rand::Rng) -> R
     points.select(&indices)
 }
 
+/// Return at most `limit` points of equal weight: [`thin`] where the weights are equal; else drawn without replacement in proportion to
+/// their weights, at most as many as count effectively, (sum w)^2 / sum w^2: three weighted points of 300 are three.
+///
+/// # Errors
+/// [`PointsError`] as of [`Points::select`].
+pub(crate) fn draw(points: &Points, limit: usize, rng: &mut impl rand::Rng) -> Result<Points, PointsError> {
+    let weights = points.weights();
+    if weights.iter().all(|w| *w == weights[0]) {
+        return thin(points, limit, rng);
+    }
+    let (sum, squares) = weights.iter().fold((0.0, 0.0), |(s, t), w| (s + w, t + w * w));
+    let count = (sum * sum / squares).ceil() as usize;
+    let count = if limit == 0 { count } else { count.min(limit) };
+    // The largest of u^(1/w) are such a draw (Efraimidis and Spirakis, 2006).
+    let key = |w: &f64| rand::RngExt::random::<f64>(rng).ln() / w;
+    let keys: Vec<f64> = weights.iter().map(key).map(|key| if key.is_nan() { f64::NEG_INFINITY } else { key }).collect();
+    let mut rows: Vec<usize> = (0..points.len()).filter(|k| weights[*k] > 0.0).collect();
+    rows.sort_by(|a, b| keys[*b].total_cmp(&keys[*a]));
+    rows.truncate(count.max(1));
+    rows.sort_unstable();
+    points.select(&rows).map(Points::with_equal_weights)
+}
+
 /// Return at most `limit` of the points, one from each cell of a grid that is as fine as that allows: dense parts lose most, so that what is
 /// left covers the shape evenly, however it was sampled.
 ///

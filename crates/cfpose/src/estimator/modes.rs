@@ -6,7 +6,7 @@ use super::search::Search;
 use super::workbench::of_side;
 use crate::criteria::Criteria;
 use crate::distances::likelihood::{Fit, Kernel, PointsLikelihood};
-use crate::distances::sampling::{even, thin};
+use crate::distances::sampling::{draw, even};
 use crate::error::{Error, Side};
 use crate::streams::stream;
 use cfpose_kernel::points::{Points, PointsError};
@@ -128,8 +128,8 @@ impl Search<'_> {
     ) -> Result<Option<PointsLikelihood<'_>>, Error> {
         let stage = self.last();
         let mut rng = stream(self.parts.settings.seed, name);
-        let source = thin(&stage.all_source, num_source, &mut rng).map_err(of_side(Side::Source))?;
-        let target = thin(&stage.sides.mapped_target, num_target, &mut rng).map_err(of_side(Side::Target))?;
+        let source = draw(&stage.all_source, num_source, &mut rng).map_err(of_side(Side::Source))?;
+        let target = draw(&stage.sides.mapped_target, num_target, &mut rng).map_err(of_side(Side::Target))?;
         let likelihood = PointsLikelihood::new(&stage.problem, &source, target.rows(), neighbours);
         Ok(likelihood.map(|likelihood| likelihood.with_interrupt(self.interrupt)))
     }
@@ -138,7 +138,7 @@ impl Search<'_> {
     /// clutter does not dominate, half a random one, which thin clutter does not.
     fn covering(&self, [num_source, num_target]: [usize; 2]) -> Result<Option<PointsLikelihood<'_>>, Error> {
         let stage = self.last();
-        let source = even(&stage.all_source, num_source).map_err(of_side(Side::Source))?;
+        let source = self.evenly(&stage.all_source, num_source).map_err(of_side(Side::Source))?;
         let rows = self.parts_of_target(num_target / 2)?.map(|part| part.rows()).concat();
         let likelihood = PointsLikelihood::new(&stage.problem, &source, rows, NEIGHBOURS[0]);
         Ok(likelihood.map(|likelihood| likelihood.with_interrupt(self.interrupt)))
@@ -148,7 +148,15 @@ impl Search<'_> {
         let mut rng = stream(self.parts.settings.seed, "everywhere");
         let target = &self.last().sides.mapped_target;
         let of_target = of_side(Side::Target);
-        Ok([even(target, count).map_err(&of_target)?, thin(target, count, &mut rng).map_err(&of_target)?])
+        Ok([self.evenly(target, count).map_err(&of_target)?, draw(target, count, &mut rng).map_err(&of_target)?])
+    }
+
+    /// Return an even part of what counts of the points.
+    fn evenly(&self, points: &Points, count: usize) -> Result<Points, PointsError> {
+        if points.is_uniform() {
+            return even(points, count);
+        }
+        even(&draw(points, 0, &mut stream(self.parts.settings.seed, "what counts"))?, count)
     }
 
     /// Return scored thetas: candidates and given ones as they are and aligned, and the best of those from everywhere.
@@ -196,7 +204,7 @@ impl Search<'_> {
             return Ok(Vec::new());
         };
         let stage = self.last();
-        let source = even(&stage.sides.source, PROPOSED_FOR).map_err(of_side(Side::Source))?;
+        let source = self.evenly(&stage.sides.source, PROPOSED_FOR).map_err(of_side(Side::Source))?;
         let mut thetas = Vec::new();
         for part in self.parts_of_target(PROPOSED_FOR)? {
             let target = central(&part).map_err(of_side(Side::Target))?;
