@@ -156,6 +156,32 @@ fn pipeline(path: &Path) -> Result<Pipeline, Failure> {
     Ok(pipeline)
 }
 
+/// Look every name of a pipeline file up: a wrong one is a fault of the file.
+fn check_names(pipeline: &Pipeline, registry: &Registry) -> Result<(), String> {
+    let context = BuildContext::default();
+    // What depends on data is built with them.
+    let wrong = |result: Result<(), cfpose::Error>| result.err().filter(is_wrong_name);
+    for stage in &pipeline.stages {
+        let named = [
+            wrong(registry.family(&stage.features, &context).map(drop)),
+            wrong(registry.weighting(&stage.weighting).map(drop)),
+            stage.model.as_ref().and_then(|name| wrong(registry.model(name, &context).map(drop))),
+            stage.normaliser.as_ref().and_then(|name| wrong(registry.normaliser(name).map(drop))),
+            stage.solver.as_ref().and_then(|name| wrong(registry.solver(name).map(drop))),
+        ];
+        if let Some(error) = named.into_iter().flatten().next() {
+            return Err(format!("stage `{}`: {error}", stage.name));
+        }
+    }
+    let points = pipeline.points.as_ref().and_then(|points| points.start.as_ref());
+    for (key, name) in [("global-start", pipeline.global_start.as_ref()), ("[points] start", points)] {
+        if let Some(error) = name.and_then(|name| wrong(registry.start(name).map(drop))) {
+            return Err(format!("{key}: {error}"));
+        }
+    }
+    Ok(())
+}
+
 /// Return all files that the arguments of a problem name as inputs.
 pub fn named(args: &ProblemArgs) -> Vec<PathBuf> {
     let mut all = vec![args.source.clone(), args.target.clone(), PathBuf::from(args.start.trim())];
@@ -174,7 +200,9 @@ fn settings(args: &ProblemArgs, registry: &Registry) -> Result<Settings, Failure
     settings.seed = args.seed;
     settings.sampling = args.sampling.given();
     if let Some(path) = &args.pipeline {
-        settings.pipeline = Some(pipeline(path)?);
+        let pipeline = pipeline(path)?;
+        check_names(&pipeline, registry).map_err(|problem| Failure::input(format!("{}: {problem}", path.display())))?;
+        settings.pipeline = Some(pipeline);
     }
     // What the preset leaves open is looked up when the model is known.
     if let Some(features) = &settings.features {

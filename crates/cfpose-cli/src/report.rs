@@ -53,6 +53,10 @@ pub struct Report {
     refined: bool,
     /// What the likelihood of the points says.
     evidence: Option<Evidence>,
+    /// Rows (from 1) of target points that lie far outside and take no part.
+    stray: Vec<usize>,
+    /// The same of source points.
+    stray_source: Vec<usize>,
     /// Directions of theta that the points do not determine.
     undetermined: Vec<Undetermined>,
     /// The covariance for turns about the middle of the source and shifts of its image.
@@ -159,6 +163,8 @@ impl Report {
             clutter: estimate.clutter,
             refined: estimate.refined,
             evidence: estimate.evidence,
+            stray: estimate.stray[1].clone(),
+            stray_source: estimate.stray[0].clone(),
             undetermined: estimate.undetermined.clone(),
             covariance_at_centroid: statistics.and_then(|s| s.covariance_at_centroid.as_deref()).map(square),
             stages: estimate.stages.clone(),

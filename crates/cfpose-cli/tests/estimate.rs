@@ -356,3 +356,84 @@ fn a_deadline_and_a_signal_end_an_estimate_with_the_best_so_far() {
     let stopped: serde_json::Value = serde_json::from_str(&desk.read("stopped.json")).expect("JSON");
     assert_eq!(stopped["status"], "cancelled");
 }
+
+/// A closed curve without symmetry and its image, turned by .5 and shifted by (.2, 0).
+fn curve_and_image(rng: &mut ChaCha12Rng, count: usize, dense: f64) -> [Vec<Vec<f64>>; 2] {
+    let (sin, cos) = 0.5_f64.sin_cos();
+    let sample = |rng: &mut ChaCha12Rng, power: f64| -> Vec<[f64; 2]> {
+        let point = |rng: &mut ChaCha12Rng| {
+            let t = std::f64::consts::TAU * rng.random_range(0.0_f64..1.0).powf(power);
+            let r = 1.0 + 0.3 * (3.0 * t).cos() + 0.2 * (2.0 * t).sin();
+            [r * t.cos(), r * t.sin()]
+        };
+        (0..count).map(|_| point(rng)).collect()
+    };
+    let source = sample(rng, 1.0).into_iter().map(|[x, y]| vec![x, y]).collect();
+    let moved = |[x, y]: [f64; 2]| vec![cos * x - sin * y + 0.2, sin * x + cos * y];
+    [source, sample(rng, dense).into_iter().map(moved).collect()]
+}
+
+#[test]
+fn stray_points_are_named_and_take_no_part() {
+    let desk = Desk::new();
+    let mut rng = ChaCha12Rng::seed_from_u64(3);
+    let [source, target] = curve_and_image(&mut rng, 600, 1.0);
+    let (mut far, mut stray_source) = (target.clone(), source.clone());
+    (far[99], far[331]) = (vec![3e4, -1e4], vec![-40.0, 80.0]);
+    stray_source[7] = vec![1e6, 1e6];
+    desk.write_rows("p.csv", &source);
+    desk.write_rows("q.csv", &far);
+    desk.write_rows("p2.csv", &stray_source);
+    for (p, rows, rows_source) in [("p.csv", json!([100, 332]), json!([])), ("p2.csv", json!([100, 332]), json!([8]))] {
+        let line = format!("--model rigid2 --source {p} --target q.csv");
+        let result = desk.json(&format!("estimate {line}"));
+        assert_eq!((&result["stray"], &result["stray_source"]), (&rows, &rows_source));
+        assert_eq!(result["verdict"], "good", "{result}");
+        assert!((result["theta"][0].as_f64().unwrap() - 0.5).abs() < 0.01, "{result}");
+        // What is evaluated later leaves the same rows out.
+        desk.write("r.json", result.to_string());
+        let cost = desk.json(&format!("evaluate {line} --at r.json"))["cost"].as_f64().unwrap();
+        assert!((cost / result["cost"].as_f64().unwrap() - 1.0).abs() < 1e-9);
+    }
+}
+
+#[test]
+fn points_are_thinned_and_weighed_as_the_flags_say() {
+    let desk = Desk::new();
+    let mut rng = ChaCha12Rng::seed_from_u64(4);
+    let [source, target] = curve_and_image(&mut rng, 1500, 2.5);
+    desk.write_rows("p.csv", &source);
+    desk.write_rows("q.csv", &target);
+    let line = "estimate --model rigid2 --source p.csv --target q.csv --preset paper --features hermite[degree=3]";
+    let off = |flags: &str| {
+        let result = desk.json(&format!("{line} {flags}"));
+        (result["theta"][0].as_f64().unwrap() - 0.5).abs()
+    };
+    // The means of a target that is dense on one side are not those of the shape, until its points weigh what they stand for.
+    let (plain, weighed, thinned) = (off(""), off("--weights density"), off("--thin 0.05"));
+    assert!(plain > 0.05 && weighed < 0.3 * plain && thinned < 0.3 * plain, "{plain} {weighed} {thinned}");
+    let run = desk.run(&format!("{line} --thin 0.05"));
+    assert!(run.err.contains("--thin keeps") && run.err.contains("of 1500 points"), "{}", run.err);
+    for wrong in ["--thin 0", "--thin -1", "--thin few", "--weights heavy"] {
+        assert_eq!(desk.run(&format!("{line} {wrong}")).code, 2, "{wrong}");
+    }
+}
+
+#[test]
+fn a_wrong_name_in_a_pipeline_file_is_a_fault_of_the_file() {
+    let desk = motivation();
+    let line = "estimate --model gain1 --source p.csv --target q.csv --pipeline s.toml";
+    for (text, says) in [
+        ("[[stage]]\nname = \"only\"\nfeatures = \"coordinate\"\n", "stage `only`: unknown family `coordinate`"),
+        ("[[stage]]\nname = \"a\"\nfeatures = \"coordinates\"\nsolver = \"newtonn\"\n", "stage `a`: unknown solver"),
+        (
+            "global-start = \"grit\"\n[[stage]]\nname = \"a\"\nfeatures = \"coordinates\"\n",
+            "global-start: unknown start",
+        ),
+    ] {
+        desk.write("s.toml", text);
+        let run = desk.run(line);
+        assert_eq!(run.code, 3, "{}", run.err);
+        assert!(run.err.contains(&format!("s.toml: {says}")), "{}", run.err);
+    }
+}

@@ -152,6 +152,22 @@ impl Points {
         Ok(Self { len, columns, weights, uniform: false, in_curve_order: false, attributes: BTreeMap::new() })
     }
 
+    /// Replace the weights.
+    ///
+    /// # Errors
+    /// As [`Points::weighted`].
+    ///
+    /// ```
+    /// use cfpose_kernel::Points;
+    /// let points = Points::from_rows(&[[0.0], [1.0]]).unwrap().with_weights(vec![3.0, 1.0]).unwrap();
+    /// assert_eq!(points.mean()[0], 0.25);
+    /// ```
+    pub fn with_weights(&self, weights: Vec<f64>) -> Result<Self, PointsError> {
+        let columns = (0..self.dim()).map(|d| self.column(d).to_vec()).collect();
+        let weighted = Self::weighted(columns, weights)?;
+        Ok(Self { in_curve_order: self.in_curve_order, attributes: self.attributes.clone(), ..weighted })
+    }
+
     /// Give every point the weight 1: for points that were drawn in proportion to their weights.
     ///
     /// ```

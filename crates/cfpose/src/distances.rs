@@ -4,6 +4,7 @@
 //! takes part without further code.
 
 pub(crate) mod correspondence;
+mod density;
 pub(crate) mod likelihood;
 pub(crate) mod neighbours;
 mod normals;
@@ -11,6 +12,7 @@ pub(crate) mod sampling;
 pub(crate) mod support;
 
 pub use correspondence::{Correspondence, MAX_ASSIGNED, assign, correspond, nearest_neighbours};
+pub use density::{density_weights, even_rows, one_per_cell};
 pub use sampling::Sampling;
 pub use support::Support;
 

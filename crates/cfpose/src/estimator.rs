@@ -120,6 +120,8 @@ pub struct Estimator {
     parts: Parts,
     pipeline: Pipeline,
     stages: Stages,
+    /// The points as they were given; stray ones are left out of the stages.
+    whole: Data,
 }
 
 impl Estimator {
@@ -151,8 +153,11 @@ impl Estimator {
         let manifold = free.or_else(|| Some(Arc::new(centred.clone()?) as Arc<dyn Manifold>));
         let (registry, execution) = (registry.clone(), execution.clone());
         let parts = Parts { registry, settings, criteria, freedom, manifold, centred, reference: base, execution };
+        // Means, scales and extents are those of the points that belong together.
+        let whole = data;
+        let data = if pipeline.points.is_some() { whole.without_stray()? } else { whole.clone() };
         let stages = Stages::new(&parts, data, &pipeline, 0)?;
-        Ok(Self { parts, pipeline, stages })
+        Ok(Self { parts, pipeline, stages, whole })
     }
 
     /// Solve from every start and keep the best; the others that differ become alternatives.
@@ -182,7 +187,7 @@ impl Estimator {
     /// As [`Estimator::new`].
     pub fn with_target(&self, target: &Points) -> Result<Self, Error> {
         let parts = &self.parts;
-        Self::new(&parts.registry, &parts.settings, &self.stages.data.source, target, &parts.execution)
+        Self::new(&parts.registry, &parts.settings, &self.whole.source, target, &parts.execution)
     }
 
     /// Run the pipeline, refine the best, compare it with what else was found, judge it.
@@ -226,10 +231,16 @@ impl Estimator {
         if best.outcome.status.is_interruption() {
             warnings.push(interrupt.words().to_string());
         }
+        for (side, rows) in ["source", "target"].iter().zip(self.stray()).filter(|(_, rows)| !rows.is_empty()) {
+            let first = rows.iter().take(5).map(usize::to_string).collect::<Vec<_>>().join(", ");
+            let more = if rows.len() > 5 { ", ..." } else { "" };
+            warnings
+                .push(format!("{} stray {side} point(s), far outside, take no part: rows {first}{more}", rows.len()));
+        }
         warnings.extend(verdict::reasons(&best, stage, &self.parts).into_iter().map(|(words, _)| words));
         let conditioning = if usable { self.conditioning(&best) } else { self.unknown() };
         warnings.extend(conditioning.warnings());
-        let counts = [self.stages.data.source.len(), self.stages.data.target.len()];
+        let counts = [self.whole.source.len(), self.whole.target.len()];
         let own = theta[..stage.own()].to_vec();
         Ok(Estimate {
             pose: Pose::of_theta(&stage.model().layout, &own),
@@ -249,10 +260,21 @@ impl Estimator {
             refined: best.by == By::Points,
             undetermined: best.undetermined,
             evidence: best.evidence,
+            stray: self.stray(),
             sampling: best.sampling.map(|s| s.name()),
             stages: search.reports,
             outcome: best.outcome,
         })
+    }
+
+    /// Return the rows (from 1) of both sides that are left out because they lie far outside.
+    fn stray(&self) -> [Vec<usize>; 2] {
+        let rest = |whole: &Points, kept: &Option<Arc<Vec<usize>>>| match kept {
+            Some(kept) => (0..whole.len()).filter(|k| kept.binary_search(k).is_err()).map(|k| k + 1).collect(),
+            None => Vec::new(),
+        };
+        let data = &self.stages.data;
+        [rest(&self.whole.source, &data.kept_source), rest(&self.whole.target, &data.kept_target)]
     }
 
     /// Return rank and conditioning of the Jacobian at a candidate's theta.
@@ -317,6 +339,7 @@ impl Estimator {
             refined: false,
             undetermined: Vec::new(),
             evidence: None,
+            stray: self.stray(),
             sampling: None,
             stages: search.reports.clone(),
             outcome,
@@ -369,7 +392,7 @@ impl Estimator {
 
     /// Return the target points as they were given.
     pub fn target(&self) -> &Points {
-        &self.stages.data.target
+        &self.whole.target
     }
 
     /// Return the settings as they were given; starts are on the manifold.

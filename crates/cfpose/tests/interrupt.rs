@@ -99,7 +99,8 @@ fn three_weighted_points_are_not_three_hundred() {
     let mut rng = ChaCha12Rng::seed_from_u64(8);
     let rows = body(300, &mut rng);
     let pose = Pose { rotation: rotation_of_euler(&[0.1, 0.2, 0.3]), translation: [0.5, -0.2, 0.3] };
-    let columns = |rows: &[[f64; 3]]| (0..3).map(|d| rows.iter().map(|row| row[d]).collect()).collect::<Vec<Vec<f64>>>();
+    let columns =
+        |rows: &[[f64; 3]]| (0..3).map(|d| rows.iter().map(|row| row[d]).collect()).collect::<Vec<Vec<f64>>>();
     let moved: Vec<[f64; 3]> = rows.iter().map(|p| pose.apply(*p)).collect();
     let verdict = |weights: &dyn Fn(usize) -> f64| {
         let weights: Vec<f64> = (0..300).map(weights).collect();

@@ -33,8 +33,7 @@ pub fn run(args: &EstimateArgs, lab: &Lab) -> Result<(), Failure> {
     check_outputs(args, &loaded)?;
     let signals = Signals::watch();
     let mut watch = Watch::new(args.verbose);
-    let supervision =
-        Supervision { observer: Some(&mut watch), cancel: Some(signals.flag()), deadline: args.deadline };
+    let supervision = Supervision { observer: Some(&mut watch), cancel: Some(signals.flag()), deadline: args.deadline };
     let estimate = loaded
         .estimator
         .solve(supervision)

@@ -3,10 +3,14 @@
 use std::path::Path;
 
 use cfpose::Points;
+use cfpose::distances::{density_weights, even_rows, one_per_cell};
 use cfpose_vision::{Foreground, Invalid, PointFile, ReadOptions, format_named, format_of, read_points};
 
-use crate::args::{InvalidRows, ProblemArgs, ReadingArgs, Side};
+use crate::args::{InvalidRows, ProblemArgs, ReadingArgs, Side, Thin, Weights};
 use crate::failure::Failure;
+
+/// Points of a file that `--thin auto` leaves, about.
+const ENOUGH: usize = 20_000;
 
 /// Read a point file that an estimate can use.
 ///
@@ -38,14 +42,38 @@ pub(super) fn read_both(args: &ProblemArgs) -> Result<[PointFile; 2], Failure> {
         format: reading.format.clone().filter(|_| open_here || open == [false; 2]),
         ..read_options(reading)
     };
-    let files = [read_file(paths[0], &options(open[0]))?, read_file(paths[1], &options(open[1]))?];
+    let mut files = [read_file(paths[0], &options(open[0]))?, read_file(paths[1], &options(open[1]))?];
     let of_masks = [("--threshold", reading.threshold.is_some()), ("--foreground", reading.foreground.is_some())];
     if let Some((flag, _)) = of_masks.iter().find(|(_, given)| *given)
         && files.iter().all(|file| file.format != "mask")
     {
         return Err(Failure::usage(format!("{flag} has no effect, no file is an image; leave it out")));
     }
+    for file in &mut files {
+        prepare(file, reading).map_err(|problem| Failure::input(format!("{}: {problem}", file.path.display())))?;
+    }
     Ok(files)
+}
+
+/// Thin and weigh the points of a file as the flags say.
+fn prepare(file: &mut PointFile, reading: &ReadingArgs) -> Result<(), String> {
+    let text = |problem: cfpose::PointsError| problem.to_string();
+    let before = file.points.len();
+    let rows = match reading.thin {
+        None => None,
+        Some(Thin::Cells(size)) => Some(one_per_cell(&file.points, size)?),
+        Some(Thin::Auto) => even_rows(&file.points, ENOUGH),
+    };
+    if let Some(rows) = rows.filter(|rows| rows.len() < before) {
+        file.points = file.points.select(&rows).map_err(text)?;
+        file.notes.push(format!("--thin keeps {} of {before} points; rows in results count these", rows.len()));
+    }
+    match reading.weights {
+        None | Some(Weights::File) => {}
+        Some(Weights::Density) => file.points = density_weights(&file.points).map_err(text)?,
+        Some(Weights::None) => file.points = file.points.clone().with_equal_weights(),
+    }
+    Ok(())
 }
 
 /// Return what the flags of reading say.

@@ -105,12 +105,33 @@ pub(crate) fn draw(points: &Points, limit: usize, rng: &mut impl rand::Rng) -> R
     let count = if limit == 0 { count } else { count.min(limit) };
     // The largest of u^(1/w) are such a draw (Efraimidis and Spirakis, 2006).
     let key = |w: &f64| rand::RngExt::random::<f64>(rng).ln() / w;
-    let keys: Vec<f64> = weights.iter().map(key).map(|key| if key.is_nan() { f64::NEG_INFINITY } else { key }).collect();
+    let keys: Vec<f64> =
+        weights.iter().map(key).map(|key| if key.is_nan() { f64::NEG_INFINITY } else { key }).collect();
     let mut rows: Vec<usize> = (0..points.len()).filter(|k| weights[*k] > 0.0).collect();
     rows.sort_by(|a, b| keys[*b].total_cmp(&keys[*a]));
     rows.truncate(count.max(1));
     rows.sort_unstable();
     points.select(&rows).map(Points::with_equal_weights)
+}
+
+/// Farther from the median point than so many median distances a point is a stray one.
+const STRAY: f64 = 20.0;
+/// More points than this share are no stray points but a part of the set.
+const MOST_STRAY: f64 = 0.02;
+
+/// Return the rows of stray points: a few that lie so far away that they would set mean, scale and extent of the whole set.
+pub(crate) fn stray(points: &Points) -> Vec<usize> {
+    let median = |values: &mut Vec<f64>| {
+        let at = values.len() / 2;
+        *values.select_nth_unstable_by(at, f64::total_cmp).1
+    };
+    let middle: Vec<f64> = (0..points.dim()).map(|d| median(&mut points.column(d).to_vec())).collect();
+    let distance = |k: usize| (0..points.dim()).map(|d| (points.column(d)[k] - middle[d]).powi(2)).sum::<f64>().sqrt();
+    let distances: Vec<f64> = (0..points.len()).map(distance).collect();
+    let limit = STRAY * median(&mut distances.clone());
+    let rows: Vec<usize> = (0..points.len()).filter(|k| distances[*k] > limit).collect();
+    let most = (MOST_STRAY * points.len() as f64).max(1.0);
+    if limit > 0.0 && rows.len() as f64 <= most && points.len() > 8 { rows } else { Vec::new() }
 }
 
 /// Return at most `limit` of the points, one from each cell of a grid that is as fine as that allows: dense parts lose most, so that what is
@@ -119,6 +140,11 @@ pub(crate) fn draw(points: &Points, limit: usize, rng: &mut impl rand::Rng) -> R
 /// # Errors
 /// [`PointsError::NoWeight`] when all chosen weights are zero.
 pub(crate) fn even(points: &Points, limit: usize) -> Result<Points, PointsError> {
+    even_cells(points, limit).map_or_else(|| Ok(points.clone()), |rows| points.select(&rows))
+}
+
+/// Return the rows of [`even`]; `None` for all of a set that has no extent or hardly any points.
+pub(super) fn even_cells(points: &Points, limit: usize) -> Option<Vec<usize>> {
     let dim = points.dim();
     let bounds: Vec<(f64, f64)> = (0..dim)
         .map(|d| {
@@ -132,7 +158,7 @@ pub(crate) fn even(points: &Points, limit: usize) -> Result<Points, PointsError>
     let size = bounds.iter().map(|(_, width)| *width).fold(0.0, f64::max);
     let has_extent = size.is_finite() && size > 0.0;
     if points.len() <= 3 || !has_extent {
-        return Ok(points.clone());
+        return None;
     }
     // Cells per size of the set, by bisection.
     let (mut coarse, mut fine) = (2.0_f64, 400.0_f64);
@@ -146,7 +172,7 @@ pub(crate) fn even(points: &Points, limit: usize) -> Result<Points, PointsError>
             fine = middle;
         }
     }
-    points.select(&kept)
+    Some(kept)
 }
 
 /// Return the first point of every cell.

@@ -88,6 +88,8 @@ pub struct Estimate {
     pub evidence: Option<Evidence>,
     /// Directions of theta that the points do not determine; their variances are NaN (null in JSON).
     pub undetermined: Vec<Undetermined>,
+    /// Rows (from 1) of stray points, source and target, which lie far outside and take no part.
+    pub stray: [Vec<usize>; 2],
     /// How the sets were sampled, given or found.
     pub sampling: Option<&'static str>,
     /// What each stage of the pipeline did.

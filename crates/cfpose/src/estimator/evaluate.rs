@@ -57,7 +57,7 @@ impl Estimator {
     /// # Errors
     /// As [`Estimator::new`]; [`Error::Unsupported`] when the rows that were left out are not rows of these points.
     pub fn evaluate_minimised(&self, minimised: &Minimised) -> Result<Evaluation, Error> {
-        let data = &self.stages.data;
+        let data = &self.whole;
         for (side, left_out, len) in [
             ("source", &minimised.left_out_source, data.source.len()),
             ("target", &minimised.left_out_target, data.target.len()),

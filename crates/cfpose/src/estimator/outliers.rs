@@ -33,11 +33,7 @@ impl Search<'_> {
     }
 
     /// Leave the outliers of a robust fit out and run the last stages on the rest.
-    fn without_outliers(
-        &mut self,
-        fit: PointFit,
-        watch: &mut Watch<'_>,
-    ) -> Result<Option<Repaired>, Error> {
+    fn without_outliers(&mut self, fit: PointFit, watch: &mut Watch<'_>) -> Result<Option<Repaired>, Error> {
         let (stage, criteria) = (self.last(), &self.parts.criteria);
         let support = stage.support(&fit.theta)?;
         let mapped = stage.mapped_source(&fit.theta)?;

@@ -167,12 +167,7 @@ impl Search<'_> {
     }
 
     /// Run the last stages on the points that are no clutter, from the fit; what the means found there already is taken.
-    fn means_at(
-        &mut self,
-        fit: &Fit,
-        found: &[Candidate],
-        watch: &mut Watch<'_>,
-    ) -> Result<Option<Candidate>, Error> {
+    fn means_at(&mut self, fit: &Fit, found: &[Candidate], watch: &mut Watch<'_>) -> Result<Option<Candidate>, Error> {
         let inliers = self.inliers(&fit.theta, &fit.mixture)?;
         let Some(rows) = inliers else {
             let is_here = |known: &&Candidate| known.accepted && self.apart(&known.theta, &fit.theta) < ONE_MODE;

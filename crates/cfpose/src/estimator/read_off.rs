@@ -34,7 +34,13 @@ impl Estimator {
     /// # Errors
     /// As [`Estimator::correspondence`].
     pub fn mapped_source(&self, theta: &[f64]) -> Result<Points, Error> {
-        self.stages.last().mapped_source(theta)
+        if self.whole.source.len() == self.stages.data.source.len() {
+            return self.stages.last().mapped_source(theta);
+        }
+        let (model, own) = (self.model(), &theta[..self.stages.last().own()]);
+        let source = adapt(Side::Source, &self.parts.settings.model, model.source_points, &self.whole.source)?;
+        let map = model.source.as_ref();
+        map_points(map, &map.lift(&source), own, &self.parts.execution).map_err(of_side(Side::Source))
     }
 
     /// Map all points of both sides (source, target) into the feature space of the last stage at theta, not normalised.
@@ -42,7 +48,7 @@ impl Estimator {
     /// # Errors
     /// As [`Estimator::correspondence`].
     pub fn mapped(&self, theta: &[f64]) -> Result<(Points, Points), Error> {
-        let (model, data) = (self.model(), &self.stages.data);
+        let (model, data) = (self.model(), &self.whole);
         let target = adapt(Side::Target, &self.parts.settings.model, model.target_points, &data.target)?;
         let (map, own) = (model.target.map(), &theta[..self.stages.last().own()]);
         let target = map_points(map, &map.lift(&target), own, &self.parts.execution).map_err(of_side(Side::Target))?;

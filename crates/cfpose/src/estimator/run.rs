@@ -76,12 +76,7 @@ impl Search<'_> {
     }
 
     /// Let the likelihood of the points choose.
-    fn by_points(
-        &mut self,
-        found: &mut Found,
-        given: &[Vec<f64>],
-        watch: &mut Watch<'_>,
-    ) -> Result<(), Error> {
+    fn by_points(&mut self, found: &mut Found, given: &[Vec<f64>], watch: &mut Watch<'_>) -> Result<(), Error> {
         let Some(modes) = self.modes(&found.all, given)? else { return Ok(()) };
         let settled = self.settle(&modes, &found.all, given, watch)?;
         if let Some(candidate) = settled.filter(|_| !self.interrupt.is_raised()) {

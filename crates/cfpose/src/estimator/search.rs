@@ -105,12 +105,7 @@ impl<'a> Search<'a> {
         self.climb_from(0, theta, watch)
     }
 
-    fn climb_from(
-        &mut self,
-        first: usize,
-        theta: &[f64],
-        watch: &mut Watch<'_>,
-    ) -> Result<Option<Candidate>, Error> {
+    fn climb_from(&mut self, first: usize, theta: &[f64], watch: &mut Watch<'_>) -> Result<Option<Candidate>, Error> {
         let (mut theta, mut last) = (theta.to_vec(), None);
         let count = self.stages.ready.len();
         for index in first..count {
@@ -161,11 +156,7 @@ impl<'a> Search<'a> {
     }
 
     /// Climb from each of the given starts.
-    pub fn climb_given(
-        &mut self,
-        given: &[Vec<f64>],
-        watch: &mut Watch<'_>,
-    ) -> Result<Vec<Candidate>, Error> {
+    pub fn climb_given(&mut self, given: &[Vec<f64>], watch: &mut Watch<'_>) -> Result<Vec<Candidate>, Error> {
         let mut found = Vec::new();
         for start in given {
             self.starts += 1;

@@ -31,10 +31,7 @@ impl<'a, 'b> Runner<'a, 'b> {
     /// Take the limits of a stage and of the settings.
     pub fn new(parts: &'a Parts, watch: &'a mut Watch<'b>, stage: &ReadyStage) -> Self {
         let given = &parts.settings.stopping;
-        let stopping = Stopping {
-            max_iterations: stage.stage.iterations.min(given.max_iterations),
-            ..given.clone()
-        };
+        let stopping = Stopping { max_iterations: stage.stage.iterations.min(given.max_iterations), ..given.clone() };
         Self { parts, watch, stopping, evaluations: 0, iterations: 0 }
     }
 
@@ -227,7 +224,8 @@ impl ReadyStage {
         }
         let some = every_nth(&self.sides.mapped_target.rows(), criteria.refine_points);
         // A part of a large source shows where the shape is.
-        let rows: Vec<usize> = (0..self.all_source.len()).step_by(self.all_source.len().div_ceil(NEAR_SOURCE)).collect();
+        let rows: Vec<usize> =
+            (0..self.all_source.len()).step_by(self.all_source.len().div_ceil(NEAR_SOURCE)).collect();
         let part = self.all_source.select(&rows).map_err(of_side(Side::Source))?;
         let near = PointsLikelihood::new(&self.problem, &part, some, 4);
         match near.and_then(|near| near.align(theta, &[0.05, 0.02, 0.01], 2)) {

@@ -7,7 +7,7 @@ use cfpose_kernel::points::{Points, PointsError};
 use super::Parts;
 use super::pipeline::{NoiseModel, Stage};
 use super::stage::ReadyStage;
-use crate::distances::sampling::thin;
+use crate::distances::sampling::{stray, thin};
 use crate::entry::BuildContext;
 use crate::error::{Error, Side};
 use crate::model::Model;
@@ -28,6 +28,15 @@ impl Data {
     /// Take all rows.
     pub fn whole(source: Arc<Points>, target: Arc<Points>) -> Self {
         Self { source, target, kept_source: None, kept_target: None }
+    }
+
+    /// Leave the stray points of both sides out.
+    pub fn without_stray(&self) -> Result<Self, Error> {
+        let rest = |points: &Points| -> Option<Vec<usize>> {
+            let stray = stray(points);
+            (!stray.is_empty()).then(|| (0..points.len()).filter(|k| stray.binary_search(k).is_err()).collect())
+        };
+        self.keep(rest(&self.source).as_deref(), rest(&self.target).as_deref())
     }
 
     /// Keep some rows (indices into what is left), `None` for all of a side.
