@@ -30,8 +30,7 @@ pub fn adam<L: Learner>(
         if stop() {
             return;
         }
-        let batch: Vec<&L::State> =
-            (0..schedule.batch).map(|_| &round.states[rng.random_range(0..round.states.len())]).collect();
+        let batch = batch(round.states, schedule.batch, learner.run_length(), rng);
         let loss = mean(learner, &parameters, &batch, Some(&mut gradient));
         let left = 1.0 - step as f64 / schedule.steps as f64;
         let rate = schedule.rate * (left + LAST_RATE) * learner.step_size(&parameters);
@@ -46,4 +45,15 @@ pub fn adam<L: Learner>(
             return;
         }
     }
+}
+
+/// Draw a batch of runs of neighbouring states.
+fn batch<'s, S>(states: &'s [S], count: usize, run: usize, rng: &mut ChaCha12Rng) -> Vec<&'s S> {
+    let runs = count.div_ceil(run);
+    let mut batch = Vec::with_capacity(runs * run);
+    for _ in 0..runs {
+        let first = rng.random_range(0..states.len());
+        batch.extend((0..run).map(|k| &states[(first + k) % states.len()]));
+    }
+    batch
 }

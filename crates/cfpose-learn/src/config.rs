@@ -55,6 +55,8 @@ struct File {
     features: usize,
     #[serde(default)]
     hidden: Option<usize>,
+    #[serde(default)]
+    ridge: Option<f64>,
     seed: u64,
     #[serde(default)]
     sampling: Sampling,
@@ -142,6 +144,8 @@ pub struct Data {
     pub scenario: String,
     /// Share of the trials, relative to the others.
     pub share: f64,
+    /// Model, if not the scenario's; one with the same theta.
+    pub model: Option<String>,
     /// Every how many points of a source in curve order are used; training looks at states, not at accuracy.
     pub stride: usize,
     /// Smallest and largest standard deviation of the states about the truth, each tangent direction; in between its logarithm is
@@ -161,6 +165,8 @@ pub struct Config {
     pub features: usize,
     /// Hidden units of a perceptron.
     pub hidden: usize,
+    /// Ridge with which a linear kind is whitened by the target points; none: it is not.
+    pub ridge: Option<f64>,
     /// Seed of everything random.
     pub seed: u64,
     /// States.
@@ -226,6 +232,7 @@ impl Config {
             basis: read.basis.unwrap_or_else(|| "hermite[degree=6]".to_string()),
             features: read.features,
             hidden: read.hidden.unwrap_or(2 * read.features),
+            ridge: read.ridge,
             seed: read.seed,
             sampling: read.sampling,
             training: read.training,
@@ -267,6 +274,11 @@ impl Config {
                 self.features
             ));
         }
+        if self.ridge.is_some_and(|ridge| !(ridge > 0.0 && ridge <= 1e3))
+            || self.ridge.is_some() && self.kind != Kind::Linear
+        {
+            return Err("`ridge`: expected a number above 0, at most 1000, of a linear kind".to_string());
+        }
         if self.objectives.is_empty() || self.data.is_empty() {
             return Err("there has to be a [[data]] and an [[objective]]".to_string());
         }
@@ -293,13 +305,23 @@ fn data_of(lab: &Lab, table: &toml::Table, file: &str, place: &str) -> Result<Da
         table.get("scenario").and_then(Value::as_str).ok_or_else(|| fault("`scenario` is missing".into()))?;
     let (entry, _) = find("scenario", &lab.scenarios, scenario).map_err(entry_fault)?;
     let number = |value: &Value| value.as_float().or_else(|| value.as_integer().map(|i| i as f64));
-    let mut data =
-        Data { scenario: entry.name.to_string(), share: 1.0, stride: 1, spread: [0.03, 1.2], parameters: Vec::new() };
+    let mut data = Data {
+        scenario: entry.name.to_string(),
+        share: 1.0,
+        model: None,
+        stride: 1,
+        spread: [0.03, 1.2],
+        parameters: Vec::new(),
+    };
     for (key, value) in table.iter().filter(|(key, _)| *key != "scenario") {
         match key.as_str() {
             "share" => {
                 let share = number(value).filter(|v| *v > 0.0 && v.is_finite());
                 data.share = share.ok_or_else(|| fault("`share`: expected a number above 0".into()))?;
+            }
+            "model" => {
+                let model = value.as_str().ok_or_else(|| fault("`model`: expected a name".into()))?;
+                data.model = Some(model.to_string());
             }
             "stride" => {
                 let stride = value.as_integer().filter(|v| (1..=1000).contains(v));

@@ -35,7 +35,12 @@ pub trait Learner: Send + Sync {
     /// Return the name of the family that scenes are built with.
     fn features(&self) -> String;
 
-    /// Return the largest and the typical size that steps of each parameter are measured in, by which Adam's rate is multiplied.
+    /// Return how many states in a row a batch takes: more than 1 where states of one trial share work.
+    fn run_length(&self) -> usize {
+        1
+    }
+
+    /// Return the size of the parameters, which Adam's rate is relative to.
     fn step_size(&self, parameters: &[f64]) -> f64 {
         parameters.iter().map(|p| p.abs()).sum::<f64>() / parameters.len().max(1) as f64
     }
@@ -65,21 +70,22 @@ pub fn mean<L: Learner>(learner: &L, parameters: &[f64], states: &[&L::State], g
 /// Return the loss of one state from its columns Y (features x width, column by column): r, A and the perturbations after C; where
 /// `slopes` is not empty, write d loss / dY there.
 ///
-/// The loss is a function of the products Y'Y. With S its derivative by the upper triangle, dY = Y (S + S').
+/// Inner products are Y'U with the second set of columns, U = Q Y for a metric Q of the features (Y itself without one). The loss is a
+/// function of these products. With S its derivative by their upper triangle, dY = U (S + S').
 pub fn loss_of_columns(
     objectives: &[(f64, Box<dyn DynObjective>)],
     shape: Shape,
-    columns: &[f64],
+    [left, right]: [&[f64]; 2],
     delta: &[f64],
     slopes: &mut [f64],
 ) -> f64 {
     let width = shape.width();
-    let rows = columns.len() / width;
-    let column = |a: usize| &columns[a * rows..(a + 1) * rows];
+    let rows = left.len() / width;
     let mut products = vec![0.0; shape.products()];
     for a in 0..width {
         for b in a..width {
-            products[shape.place(a, b)] = column(a).iter().zip(column(b)).map(|(x, y)| x * y).sum();
+            let pairs = left[a * rows..(a + 1) * rows].iter().zip(&right[b * rows..(b + 1) * rows]);
+            products[shape.place(a, b)] = pairs.map(|(x, y)| x * y).sum();
         }
     }
     if slopes.is_empty() {
@@ -95,8 +101,8 @@ pub fn loss_of_columns(
         for b in a..width {
             let slope = upper[shape.place(a, b)];
             for k in 0..rows {
-                slopes[a * rows + k] += slope * columns[b * rows + k];
-                slopes[b * rows + k] += slope * columns[a * rows + k];
+                slopes[a * rows + k] += slope * right[b * rows + k];
+                slopes[b * rows + k] += slope * right[a * rows + k];
             }
         }
     }

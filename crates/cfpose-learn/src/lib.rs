@@ -21,6 +21,7 @@ mod normal;
 pub mod objective;
 pub mod objectives;
 mod perturb;
+mod ridge;
 mod rounds;
 mod sample;
 mod train;

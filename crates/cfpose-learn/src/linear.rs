@@ -2,13 +2,14 @@
 
 use std::sync::Arc;
 
-use cfpose::families::learned::{Architecture, Matrix};
+use cfpose::families::learned::{Architecture, Matrix, feature_covariance};
 use cfpose::family::DynFamily;
 use cfpose::{BuildContext, Points};
 use cfpose_lab::rand::RngExt;
 use cfpose_lab::rand_distr::StandardNormal;
 use cfpose_lab::{ChaCha12Rng, Lab};
 use faer::linalg::matmul::matmul;
+use faer::prelude::Solve;
 use faer::{Accum, Mat, MatRef, Par, Side};
 
 use crate::config::Config;
@@ -26,6 +27,8 @@ const WHITENING_TRIALS: usize = 100;
 const WHITENING_POINTS: usize = 150;
 /// Share of the largest variance below which a direction of the basis is left out.
 const RANK_TOLERANCE: f64 = 1e-9;
+/// States in a row that a batch takes where those of one trial share their whitening.
+const TRIAL_RUN: usize = 8;
 /// Size of the random part of the first matrix.
 const JITTER: f64 = 0.02;
 
@@ -48,6 +51,9 @@ pub struct LinearState {
     /// Whitened difference of means, derivatives, perturbations; column by column.
     columns: Vec<f64>,
     delta: Vec<f64>,
+    /// Covariance of the whitened features over the target points, row by row, where features follow the target; shared by the states
+    /// of a trial.
+    spread: Option<Arc<Vec<f64>>>,
 }
 
 impl<'a> LinearLearner<'a> {
@@ -85,6 +91,15 @@ impl<'a> LinearLearner<'a> {
 
     fn width(&self) -> usize {
         self.whitening.nrows()
+    }
+
+    /// Return W S W' for the covariance S of the basis over points.
+    fn spread(&self, points: &Points) -> Vec<f64> {
+        let (num, width) = (self.whitening.ncols(), self.width());
+        let covariance = feature_covariance(self.basis.as_ref(), points);
+        let covariance = Mat::from_fn(num, num, |i, j| covariance[i * num + j]);
+        let product = &self.whitening * covariance * self.whitening.transpose();
+        (0..width * width).map(|at| product[(at / width, at % width)]).collect()
     }
 
     /// Return P diag(1 / scale).
@@ -146,7 +161,14 @@ impl Learner for LinearLearner<'_> {
         let mut columns = vec![0.0; self.width() * self.shape.width()];
         let out = faer::MatMut::from_column_major_slice_mut(&mut columns, self.width(), self.shape.width());
         matmul(out, Accum::Replace, self.whitening.as_ref(), raw, 1.0, Par::Seq);
-        Some(LinearState { columns, delta })
+        let spread = match self.config.ridge {
+            None => None,
+            Some(_) => {
+                let points = normalised_target(scene)?;
+                Some(Arc::clone(scene.once.get_or_init(|| Arc::new(self.spread(&points)))))
+            }
+        };
+        Some(LinearState { columns, delta, spread })
     }
 
     /// The whitened directions with the largest derivative for their size, and a little of all others.
@@ -171,40 +193,163 @@ impl Learner for LinearLearner<'_> {
     fn sum(&self, parameters: &[f64], states: &[&LinearState], gradient: &mut [f64]) -> f64 {
         let (width, features, columns) = (self.width(), self.config.features, self.shape.width());
         let matrix = self.scaled(parameters);
-        let all: Vec<f64> = states.iter().flat_map(|state| state.columns.iter().copied()).collect();
-        let all = MatRef::from_column_major_slice(&all, width, columns * states.len());
-        let mut images = vec![0.0; features * columns * states.len()];
-        let out = faer::MatMut::from_column_major_slice_mut(&mut images, features, columns * states.len());
-        matmul(out, Accum::Replace, matrix.as_ref(), all, 1.0, Par::Seq);
-        let size = features * columns;
-        let mut slopes = vec![0.0; if gradient.is_empty() { 0 } else { images.len() }];
+        let mut slope = Mat::<f64>::zeros(features, width);
         let mut loss = 0.0;
-        for (k, state) in states.iter().enumerate() {
-            let own = if gradient.is_empty() { &mut [][..] } else { &mut slopes[k * size..(k + 1) * size] };
-            let image = &images[k * size..(k + 1) * size];
-            loss += loss_of_columns(&self.config.objectives, self.shape, image, &state.delta, own);
-        }
-        if !gradient.is_empty() {
-            let slopes = MatRef::from_column_major_slice(&slopes, features, columns * states.len());
-            let mut product = Mat::<f64>::zeros(features, width);
-            matmul(product.as_mut(), Accum::Replace, slopes, all.transpose(), 1.0, Par::Seq);
-            for i in 0..features {
-                for j in 0..width {
-                    gradient[i * width + j] += product[(i, j)] / self.scale[j];
+        // Runs of states of one trial: one whitening for all of them.
+        for run in states.chunk_by(|a, b| same_trial(a, b)) {
+            let all: Vec<f64> = run.iter().flat_map(|state| state.columns.iter().copied()).collect();
+            let all = MatRef::from_column_major_slice(&all, width, columns * run.len());
+            let images = &matrix * all;
+            let root = run[0].spread.as_deref().zip(self.config.ridge).map(|(s, ridge)| Root::new(&matrix, s, ridge));
+            let seen = root.as_ref().map_or_else(|| images.clone(), |root| &root.inverse * &images);
+            let mut slopes = Mat::<f64>::zeros(features, columns * run.len());
+            for (k, state) in run.iter().enumerate() {
+                let place = |block: &Mat<f64>| -> Vec<f64> {
+                    let first = k * columns;
+                    (first..first + columns)
+                        .flat_map(|c| (0..features).map(move |i| (i, c)))
+                        .map(|at| block[at])
+                        .collect()
+                };
+                let (left, right) = (place(&images), place(&seen));
+                let mut own = vec![0.0; if gradient.is_empty() { 0 } else { left.len() }];
+                loss += loss_of_columns(&self.config.objectives, self.shape, [&left, &right], &state.delta, &mut own);
+                for (at, value) in own.iter().enumerate() {
+                    slopes[(at % features, k * columns + at / features)] = *value;
+                }
+            }
+            if !gradient.is_empty() {
+                matmul(slope.as_mut(), Accum::Add, slopes.as_ref(), all.transpose(), 1.0, Par::Seq);
+                if let Some(root) = &root {
+                    root.add_slope(&mut slope, &slopes, &seen);
                 }
             }
         }
+        for (at, value) in gradient.iter_mut().enumerate() {
+            *value += slope[(at / width, at % width)] / self.scale[at % width];
+        }
         loss
+    }
+
+    fn run_length(&self) -> usize {
+        if self.config.ridge.is_some() { TRIAL_RUN } else { 1 }
     }
 
     fn architecture(&self, parameters: &[f64]) -> Architecture {
         let product = self.scaled(parameters) * &self.whitening;
         let values = (0..product.nrows()).flat_map(|i| (0..product.ncols()).map(move |j| (i, j)));
         let matrix = Matrix { rows: product.nrows(), values: values.map(|(i, j)| product[(i, j)]).collect() };
-        Architecture::Linear { basis: self.config.basis.clone(), matrix }
+        Architecture::Linear { basis: self.config.basis.clone(), matrix, ridge: self.config.ridge }
     }
 
     fn features(&self) -> String {
         self.config.basis.clone()
+    }
+}
+
+/// Say whether two states come from one trial, or share no work anyway.
+fn same_trial(a: &LinearState, b: &LinearState) -> bool {
+    match (&a.spread, &b.spread) {
+        (Some(a), Some(b)) => Arc::ptr_eq(a, b),
+        _ => true,
+    }
+}
+
+/// K^-1 of features whitened by the target, K = C S C' + ridge tr(C S C') / n I: inner products of features are taken with it.
+struct Root {
+    inverse: Mat<f64>,
+    /// C S.
+    product: Mat<f64>,
+    ridge: f64,
+}
+
+impl Root {
+    fn new(matrix: &Mat<f64>, spread: &[f64], ridge: f64) -> Self {
+        let width = matrix.ncols();
+        let product = matrix * MatRef::from_row_major_slice(spread, width, width);
+        let mut k = &product * matrix.transpose();
+        let n = k.nrows();
+        let speck = ridge * (0..n).map(|i| k[(i, i)]).sum::<f64>() / n as f64;
+        (0..n).for_each(|i| k[(i, i)] += speck);
+        let identity = Mat::<f64>::identity(n, n);
+        // K is positive definite for a ridge above 0; where C vanishes nothing is left to be learned from this trial.
+        let inverse = k.llt(Side::Lower).map_or_else(|_| Mat::zeros(n, n), |factors| factors.solve(&identity));
+        Self { inverse, product, ridge }
+    }
+
+    /// Add what a change of C does through K: with U = K^-1 Y and dY = U B the slopes so far, R = U B U', it is
+    /// -(R + ridge tr(R) / n I) C S.
+    fn add_slope(&self, slope: &mut Mat<f64>, slopes: &Mat<f64>, seen: &Mat<f64>) {
+        let mut r = slopes * seen.transpose();
+        let n = r.nrows();
+        let speck = self.ridge * (0..n).map(|i| r[(i, i)]).sum::<f64>() / n as f64;
+        (0..n).for_each(|i| r[(i, i)] += speck);
+        matmul(slope.as_mut(), Accum::Add, r.as_ref(), self.product.as_ref(), -1.0, Par::Seq);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::learner::mean;
+    use cfpose_lab::seed::data_stream;
+
+    const TEXT: &str = r#"
+kind = "linear"
+basis = "hermite[degree=3]"
+features = 8
+seed = 5
+[[objective]]
+name = "contraction"
+[[objective]]
+name = "star-convexity"
+weight = 0.3
+[[objective]]
+name = "covariance[halves=3]"
+weight = 0.2
+[[objective]]
+name = "influence[outliers=2,cuts=2]"
+weight = 0.1
+[[data]]
+scenario = "cloud3"
+shape = "{seed}"
+points = 100
+sampling = "independent"
+"#;
+
+    /// Every objective, with and without whitening by the target, against central differences.
+    #[test]
+    fn gradients_equal_finite_differences() {
+        let lab = Lab::default();
+        for ridge in ["", "ridge = 0.01\n"] {
+            let config = Config::parse(&lab, &format!("{ridge}{TEXT}"), "test").unwrap();
+            let wanted = Perturbations { halves: 3, outliers: 2, cuts: 2 };
+            let shape = Shape { unknowns: 6, perturbations: wanted.count() };
+            let mut learner = LinearLearner::new(&lab, &config, 3, shape, wanted).unwrap();
+            let sampler = Sampler::new(&lab, &config, &config.basis);
+            let look = |s: &Scene, t: &[f64], d, r: &mut ChaCha12Rng| learner.observe(s, t, d, r);
+            let states = sampler.about_truth(Split::Training, 5, 4, look).unwrap();
+            let mut rng = data_stream(1, 1);
+            let mut at = learner.start(&states, &mut rng).unwrap();
+            at.iter_mut().for_each(|p| *p += 0.2 * rng.sample::<f64, _>(StandardNormal));
+            let states: Vec<&LinearState> = states.iter().collect();
+            let mut gradient = vec![0.0; at.len()];
+            mean(&learner, &at, &states, Some(&mut gradient));
+            let largest = gradient.iter().fold(0.0_f64, |a, b| a.max(b.abs()));
+            assert!(largest > 1e-3, "{largest}");
+            for i in 0..at.len() {
+                let cost = |step: f64| {
+                    let mut moved = at.clone();
+                    moved[i] += step;
+                    mean(&learner, &moved, &states, None)
+                };
+                let difference = (cost(1e-5) - cost(-1e-5)) / 2e-5;
+                assert!(
+                    (difference - gradient[i]).abs() < 1e-6 * largest.max(1.0),
+                    "{i}: {difference} {}",
+                    gradient[i]
+                );
+            }
+        }
     }
 }

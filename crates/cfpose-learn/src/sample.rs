@@ -1,6 +1,6 @@
 //! States: thetas about the truth of trials that scenarios draw, and along the paths of the present family.
 
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use cfpose::entry::{Parameters, find};
 use cfpose::{BuildContext, Estimator, Execution, Points, Settings, Supervision};
@@ -33,6 +33,15 @@ pub struct Scene {
     source: Points,
     target: Points,
     model: String,
+    /// What a learner computes once for a trial: a square matrix, row by row.
+    pub once: OnceLock<Arc<Vec<f64>>>,
+}
+
+impl Scene {
+    /// Return the source points as they were given.
+    pub fn source(&self) -> &Points {
+        &self.source
+    }
 }
 
 /// Draws trials of a configuration and states of them; the same for the same seed at any number of threads.
@@ -183,13 +192,14 @@ impl<'a> Sampler<'a> {
         scenario.load(&self.config.folder).map_err(|e| e.to_string())?;
         let Trial { source, target, truth, .. } = scenario.trial(rng).map_err(|e| e.to_string())?;
         let source = thinned(source, data.stride).map_err(|e| e.to_string())?;
-        let settings = Settings::preset("paper", scenario.model())
+        let model = data.model.clone().unwrap_or_else(|| scenario.model().to_string());
+        let settings = Settings::preset("paper", &model)
             .map_err(|e| e.to_string())?
             .features(self.features.clone())
             .start_at(truth.clone());
         let estimator = Estimator::new(&self.lab.registry, &settings, &source, &target, &Execution::default());
         let estimator = estimator.map_err(|e| e.to_string())?;
-        Ok(Scene { estimator, truth, source, target, model: scenario.model().to_string() })
+        Ok(Scene { estimator, truth, source, target, model, once: OnceLock::new() })
     }
 
     /// Return the dimension of the feature space and of the tangent space, the same for all data.
@@ -209,7 +219,8 @@ impl<'a> Sampler<'a> {
             let parameters = Parameters::resolve("scenario", entry.name, entry.parameters, &given);
             let parameters = parameters.map_err(|e| text(e.to_string()))?;
             let scenario = (entry.build)(&parameters).map_err(|e| text(e.to_string()))?;
-            let model = self.lab.registry.model(scenario.model(), &BuildContext::default())?;
+            let name = data.model.as_deref().unwrap_or(scenario.model());
+            let model = self.lab.registry.model(name, &BuildContext::default())?;
             let here = (model.dim(), model.layout.manifold().tangent());
             if found.is_some_and(|before| before != here) {
                 let problem =

@@ -17,6 +17,7 @@ use crate::learner::{Learner, mean};
 use crate::linear::LinearLearner;
 use crate::normal::Shape;
 use crate::objective::Perturbations;
+use crate::ridge::RidgeLearner;
 use crate::rounds::{Progress, Round};
 use crate::sample::Sampler;
 use crate::vary::Split;
@@ -50,7 +51,7 @@ pub fn train(lab: &Lab, config: &Config, options: Options<'_>) -> Result<Weights
     }
     match config.kind {
         Kind::Linear => run(lab, config, dim, LinearLearner::new(lab, config, dim, shape, wanted)?, options),
-        Kind::Frequencies | Kind::Perceptron => Err(LearnError::Data("not yet".to_string())),
+        Kind::Frequencies | Kind::Perceptron => run(lab, config, dim, RidgeLearner::new(config, dim, shape)?, options),
     }
 }
 

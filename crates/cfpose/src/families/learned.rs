@@ -8,17 +8,22 @@ use num_dual::HyperDual64;
 use super::shared::waves::Waves;
 use crate::entry::{BuildContext, BuildError, FamilyEntry, ParameterSpec, build_family};
 
+mod adapt;
 mod linear;
 mod perceptron;
 mod weights;
 
+pub use adapt::{feature_covariance, whitening_root};
 pub use weights::{Architecture, FORMAT, Matrix, Weights, WeightsError};
 
 use linear::Linear;
 use perceptron::Perceptron;
 
 /// Weights that ship: kind, bytes. Trained by `cfpose learn` from the files of the same names in `experiments/learn`.
-const SHIPPED: &[(&str, &[u8])] = &[];
+const SHIPPED: &[(&str, &[u8])] = &[
+    ("linear", include_bytes!("../../weights/linear-3.safetensors")),
+    ("frequencies", include_bytes!("../../weights/frequencies-3.safetensors")),
+];
 
 /// Trained functions, one set for each feature space that there are weights for.
 struct Learned {
@@ -92,7 +97,7 @@ impl DynFamily for Learned {
 pub fn functions(weights: &Weights, context: &BuildContext<'_>) -> Result<Box<dyn DynFamily>, BuildError> {
     let refuse = |problem: String| BuildError::Data { name: "learned".to_string(), problem };
     match &weights.architecture {
-        Architecture::Linear { basis, matrix } => {
+        Architecture::Linear { basis, matrix, ridge } => {
             if basis.contains("learned") {
                 return Err(refuse(format!(
                     "the basis `{basis}` is itself learned; name the family that it was trained over"
@@ -101,7 +106,14 @@ pub fn functions(weights: &Weights, context: &BuildContext<'_>) -> Result<Box<dy
             let context = BuildContext { dim: weights.dim, ..*context };
             let inner = build_family(basis, &context)
                 .map_err(|error| refuse(format!("the basis `{basis}` of the weights: {error}")))?;
-            Ok(Box::new(Linear::new(inner, weights.dim, matrix).map_err(refuse)?))
+            let linear = Linear::new(inner, weights.dim, matrix).map_err(refuse)?;
+            match (ridge, context.target) {
+                (None, _) => Ok(Box::new(linear)),
+                (Some(ridge), Some(target)) if target.dim() == weights.dim => {
+                    Ok(Box::new(linear.adapted(target, *ridge).map_err(refuse)?))
+                }
+                (Some(_), _) => Err(refuse("these weights follow the target points, which are not known here".into())),
+            }
         }
         Architecture::Frequencies { frequencies, amplitudes } => {
             let dim = weights.dim;

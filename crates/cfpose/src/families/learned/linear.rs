@@ -3,8 +3,10 @@
 use cfpose_kernel::family::{BasisRows, DynFamily, GradientTerm, Segment};
 use cfpose_kernel::isa::Isa;
 use cfpose_kernel::map::MapBlock;
+use cfpose_kernel::points::Points;
 use num_dual::HyperDual64;
 
+use super::adapt::{feature_covariance, whitening_root};
 use super::weights::Matrix;
 
 /// f = M g(x) for the features g of a family: one more coefficient matrix, so points cost the same, and moments and blur stay.
@@ -24,18 +26,31 @@ impl Linear {
         }
         let coefficients = match inner.coefficients(dim) {
             None => matrix.values.clone(),
-            Some(own) => {
-                let mut product = vec![0.0; matrix.rows * width];
-                for (row, out) in matrix.values.chunks_exact(features).zip(product.chunks_exact_mut(width)) {
-                    for (factor, own) in row.iter().zip(own.chunks_exact(width)) {
-                        out.iter_mut().zip(own).for_each(|(sum, value)| *sum += factor * value);
-                    }
-                }
-                product
-            }
+            Some(own) => product(&matrix.values, features, &own, width),
         };
         Ok(Self { inner, dim, coefficients })
     }
+
+    /// Whiten the features by their covariance over target points.
+    pub fn adapted(mut self, target: &Points, ridge: f64) -> Result<Self, String> {
+        let width = self.inner.num_basis(self.dim);
+        let rows = self.coefficients.len() / width;
+        let root = whitening_root(&feature_covariance(&self, target), rows, ridge);
+        let root = root.ok_or_else(|| "the functions do not vary on the target points".to_string())?;
+        self.coefficients = product(&root, rows, &self.coefficients, width);
+        Ok(self)
+    }
+}
+
+/// Return a (rows x inner) times b (inner x width), both row by row.
+fn product(a: &[f64], inner: usize, b: &[f64], width: usize) -> Vec<f64> {
+    let mut out = vec![0.0; a.len() / inner * width];
+    for (row, out) in a.chunks_exact(inner).zip(out.chunks_exact_mut(width)) {
+        for (factor, own) in row.iter().zip(b.chunks_exact(width)) {
+            out.iter_mut().zip(own).for_each(|(sum, value)| *sum += factor * value);
+        }
+    }
+    out
 }
 
 impl DynFamily for Linear {

@@ -67,6 +67,9 @@ pub enum Architecture {
         basis: String,
         /// Features x features of the basis.
         matrix: Matrix,
+        /// Whether, and with which ridge relative to the mean variance, the features are whitened by the target points
+        /// ([`whitening_root`](super::whitening_root)).
+        ridge: Option<f64>,
     },
     /// a_i cos(w_i.x), then all a_i sin(w_i.x).
     Frequencies {
@@ -93,7 +96,7 @@ pub enum Architecture {
 /// let matrix = Matrix { rows: 1, values: vec![0.5, 2.0] };
 /// let weights = Weights {
 ///     dim: 2,
-///     architecture: Architecture::Linear { basis: "hermite[degree=1]".into(), matrix },
+///     architecture: Architecture::Linear { basis: "hermite[degree=1]".into(), matrix, ridge: None },
 ///     notes: [("seed".to_string(), "7".to_string())].into(),
 /// };
 /// let bytes = weights.to_bytes();
@@ -114,7 +117,7 @@ pub struct Weights {
 }
 
 /// Metadata that are not notes.
-const KEYS: [&str; 6] = ["format", "kind", "dim", "basis", "activation", "digest"];
+const KEYS: [&str; 7] = ["format", "kind", "dim", "basis", "ridge", "activation", "digest"];
 
 /// A tensor as it is stored: name, shape, little-endian bytes.
 type Stored = (&'static str, Vec<usize>, Vec<u8>);
@@ -186,8 +189,11 @@ impl Weights {
         let matrix = |m: &Matrix| (vec![m.rows, m.columns()], data(&m.values));
         let list = |values: &[f64]| (vec![values.len()], data(values));
         let (kind, mut parts) = match &self.architecture {
-            Architecture::Linear { basis, matrix: m } => {
+            Architecture::Linear { basis, matrix: m, ridge } => {
                 set("basis", basis);
+                if let Some(ridge) = ridge {
+                    set("ridge", &ridge.to_string());
+                }
                 ("linear", vec![("matrix", matrix(m))])
             }
             Architecture::Frequencies { frequencies, amplitudes } => {
@@ -287,13 +293,20 @@ impl Reader<'_> {
         }
     }
 
+    /// Return the ridge, where there is one.
+    fn ridge(&self) -> Result<Option<f64>, WeightsError> {
+        let Some(text) = self.metadata.get("ridge") else { return Ok(None) };
+        let ridge = text.parse().ok().filter(|v: &f64| *v >= 0.0 && *v <= 1e6);
+        ridge.map(Some).ok_or_else(|| wrong("ridge", format!("`{text}`; expected a number from 0 to 1e6")))
+    }
+
     /// Read the tensors of the kind, and refuse any other.
     fn architecture(&self, dim: usize) -> Result<Architecture, WeightsError> {
         let kind = self.text("kind")?;
         let (names, architecture): (&[&str], _) = match kind {
             "linear" => {
                 let (basis, matrix) = (self.text("basis")?.to_string(), self.values("matrix", 2)?);
-                (&["matrix"], Architecture::Linear { basis, matrix })
+                (&["matrix"], Architecture::Linear { basis, matrix, ridge: self.ridge()? })
             }
             "frequencies" => {
                 let (frequencies, amplitudes) = (self.values("frequencies", 2)?, self.values("amplitudes", 1)?.values);
