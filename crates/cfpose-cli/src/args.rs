@@ -413,6 +413,7 @@ pub enum ListKind {
     Starts,
     Scenarios,
     Curves,
+    Objectives,
     Presets,
     Formats,
 }

@@ -31,5 +31,11 @@ pub use checkpoint::write;
 pub use config::{Config, Kind};
 pub use error::LearnError;
 pub use normal::{Normal, Shape};
+/// The numbers that an objective is written over.
+pub use num_dual::DualNumCopy;
 pub use rounds::Progress;
 pub use train::{Options, train};
+
+#[cfg(doctest)]
+#[doc = include_str!("../../../docs/adding/learned.md")]
+mod adding_learned {}

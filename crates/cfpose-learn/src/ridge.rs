@@ -198,9 +198,7 @@ fn moved(scene: &Scene, theta: &[f64]) -> Option<Vec<f64>> {
             if weight != 1.0 || block.moving_weight && block.dweight.iter().any(|row| row.0[k] != 0.0) {
                 return None;
             }
-            out.extend(
-                (0..m).flat_map(|j| (0..dim).map(move |q| (q, j))).map(|(q, j)| block.dx[q * m + j].0[k]),
-            );
+            out.extend((0..m).flat_map(|j| (0..dim).map(move |q| (q, j))).map(|(q, j)| block.dx[q * m + j].0[k]));
         }
     }
     // Nor is a target that moves.
@@ -316,5 +314,49 @@ impl Learner for RidgeLearner<'_> {
 
     fn features(&self) -> String {
         "coordinates".to_string()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::learner::mean;
+    use crate::sample::Sampler;
+    use crate::vary::Split;
+    use cfpose_lab::Lab;
+    use cfpose_lab::seed::data_stream;
+
+    #[test]
+    fn gradients_equal_finite_differences() {
+        let lab = Lab::default();
+        for kind in ["frequencies", "perceptron"] {
+            let text = format!(
+                "kind = \"{kind}\"\nfeatures = 8\nhidden = 5\nseed = 5\n[[objective]]\nname = \"contraction\"\n[[objective]]\nname = \"star-convexity\"\n[[data]]\nscenario = \"cloud3\"\npoints = 80\n"
+            );
+            let config = Config::parse(&lab, &text, "test").unwrap();
+            let mut learner = RidgeLearner::new(&config, 3, Shape { unknowns: 6, perturbations: 0 }).unwrap();
+            let sampler = Sampler::new(&lab, &config, "coordinates");
+            let look = |s: &Scene, t: &[f64], d, r: &mut ChaCha12Rng| learner.observe(s, t, d, r);
+            let states = sampler.about_truth(Split::Training, 3, 3, look).unwrap();
+            let at = learner.start(&states, &mut data_stream(1, 1)).unwrap();
+            let states: Vec<&RidgeState> = states.iter().collect();
+            let mut gradient = vec![0.0; at.len()];
+            mean(&learner, &at, &states, Some(&mut gradient));
+            let largest = gradient.iter().fold(0.0_f64, |a, b| a.max(b.abs()));
+            assert!(largest > 1e-3, "{largest}");
+            for i in 0..at.len() {
+                let cost = |step: f64| {
+                    let mut moved = at.clone();
+                    moved[i] += step;
+                    mean(&learner, &moved, &states, None)
+                };
+                let difference = (cost(1e-5) - cost(-1e-5)) / 2e-5;
+                assert!(
+                    (difference - gradient[i]).abs() < 1e-6 * largest.max(1.0),
+                    "{kind} {i}: {difference} {}",
+                    gradient[i]
+                );
+            }
+        }
     }
 }

@@ -3,10 +3,12 @@
 use cfpose_kernel::family::{BasisRows, DynFamily, General, GradientTerm, Segment};
 use cfpose_kernel::isa::Isa;
 use cfpose_kernel::map::MapBlock;
+use cfpose_kernel::points::Points;
 use num_dual::HyperDual64;
 
 use super::shared::waves::Waves;
 use crate::entry::{BuildContext, BuildError, FamilyEntry, ParameterSpec, build_family};
+use crate::geometry::linalg::symmetric_eigen;
 
 mod adapt;
 mod linear;
@@ -19,11 +21,36 @@ pub use weights::{Architecture, FORMAT, Matrix, Weights, WeightsError};
 use linear::Linear;
 use perceptron::Perceptron;
 
-/// Weights that ship: kind, bytes. Trained by `cfpose learn` from the files of the same names in `experiments/learn`.
-const SHIPPED: &[(&str, &[u8])] = &[
-    ("linear", include_bytes!("../../weights/linear-3.safetensors")),
-    ("frequencies", include_bytes!("../../weights/frequencies-3.safetensors")),
+/// Which targets weights are for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum For {
+    /// All.
+    Any,
+    /// Nearly flat ones, such as the rays of a plane, and targets that are not known.
+    Flat,
+    /// Bodies in space.
+    Solid,
+}
+
+/// Least share of the largest principal standard deviation that the smallest one of a body has.
+const SOLID: f64 = 0.25;
+
+/// Weights that ship: kind, targets, bytes. Each was trained by `cfpose learn` from the file of its name in `experiments/learn`.
+const SHIPPED: &[(&str, For, &[u8])] = &[
+    ("linear", For::Any, include_bytes!("../../weights/linear-2.safetensors")),
+    ("linear", For::Flat, include_bytes!("../../weights/linear-3.safetensors")),
+    ("linear", For::Solid, include_bytes!("../../weights/linear-3-solid.safetensors")),
+    ("frequencies", For::Any, include_bytes!("../../weights/frequencies-2.safetensors")),
+    ("frequencies", For::Any, include_bytes!("../../weights/frequencies-3.safetensors")),
 ];
+
+/// Say whether normalised target points fill three dimensions.
+fn is_solid(target: Option<&Points>) -> bool {
+    let Some(target) = target.filter(|target| target.dim() == 3) else { return false };
+    let (variances, _) = symmetric_eigen(&target.covariance(), 3);
+    let (least, most) = variances.iter().fold((f64::INFINITY, 0.0_f64), |(a, b), v| (a.min(*v), b.max(*v)));
+    least.max(0.0).sqrt() >= SOLID * most.sqrt()
+}
 
 /// Trained functions, one set for each feature space that there are weights for.
 struct Learned {
@@ -151,13 +178,14 @@ pub(super) const ENTRY: FamilyEntry = FamilyEntry {
         },
     ],
     source: "the open problem of section V: which feature functions; training in cfpose-learn, not in the paper",
-    details: "Kinds of weights: `linear`, f = M g(x) with a trained matrix M over the features g of any family, whose cost per point, moments and blur it keeps; `frequencies`, a cos(w.x) and a sin(w.x) with trained w and a, closed-form blur; `perceptron` (from files), M tanh(W x + b), blur by quadrature. Weights are of one dimension of the feature space; those that ship are for 2 and 3. What was learned, what it costs and where a hand-made family wins: docs/learned.md.",
+    details: "Kinds of weights: `linear`, f = M g(x) with a trained matrix M over the features g of any family, whose cost per point, moments and blur it keeps; `frequencies`, a cos(w.x) and a sin(w.x) with trained w and a, closed-form blur; `perceptron` (from files), M tanh(W x + b), blur by quadrature. Weights are of one dimension of the feature space; those that ship are for 2 and 3. In three dimensions `linear` takes one matrix (18 functions of degree 6) for targets that are nearly flat, such as the rays of a plane, and another (34 of degree 4, whitened by the target points) for bodies: those whose smallest principal standard deviation is at least a quarter of the largest. What was learned, what it costs and where a hand-made family wins: docs/learned.md.",
     build: |parameters, context| {
         let kind = parameters.choice("kind", &[("linear", "linear"), ("frequencies", "frequencies")])?;
         let mut learned = Learned { parts: [None, None, None] };
         match parameters.text("file") {
             "none" => {
-                for (_, bytes) in SHIPPED.iter().filter(|(shipped, _)| *shipped == kind) {
+                let other = if is_solid(context.target) { For::Flat } else { For::Solid };
+                for (_, _, bytes) in SHIPPED.iter().filter(|(shipped, of, _)| *shipped == kind && *of != other) {
                     with(bytes, context, &mut learned)?;
                 }
             }
