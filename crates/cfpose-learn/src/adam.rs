@@ -41,7 +41,7 @@ pub fn adam<L: Learner>(
             let (m, v) = (first[i] / (1.0 - decays[0]), second[i] / (1.0 - decays[1]));
             parameters[i] -= rate * m / (v.sqrt() + 1e-9);
         }
-        if (step + 1) % schedule.look == 0 && round.look(learner, &parameters, step + 1, loss) {
+        if (step + 1).is_multiple_of(schedule.look) && round.look(learner, &parameters, step + 1, loss) {
             return;
         }
     }

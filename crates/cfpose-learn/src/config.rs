@@ -268,7 +268,7 @@ impl Config {
         if !(t.rate > 0.0 && t.rate <= 1.0) {
             return Err(format!("rate = {}: expected a number above 0, at most 1", t.rate));
         }
-        if self.kind == Kind::Frequencies && self.features % 2 != 0 {
+        if self.kind == Kind::Frequencies && !self.features.is_multiple_of(2) {
             return Err(format!(
                 "features = {}: frequencies come as pairs of waves, give an even number",
                 self.features

@@ -168,7 +168,7 @@ impl Weights {
         }
         let mut text = Value::Object(header).to_string();
         // The tensors begin at a multiple of 8 bytes.
-        while text.len() % 8 != 0 {
+        while !text.len().is_multiple_of(8) {
             text.push(' ');
         }
         let mut bytes = (text.len() as u64).to_le_bytes().to_vec();
