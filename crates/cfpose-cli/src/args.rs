@@ -61,6 +61,8 @@ pub enum Command {
     Merge(FolderArgs),
     /// Print the tables of a run and write its report.html
     Report(FolderArgs),
+    /// Train weights of the family `learned`
+    Learn(LearnArgs),
     /// Work with pose files
     Pose(PoseArgs),
     /// Write the pages and lists of docs/reference from the tables
@@ -349,6 +351,26 @@ pub struct RunArgs {
     pub json: Option<PathBuf>,
 }
 
+/// Arguments of `learn`.
+#[derive(Debug, Args)]
+pub struct LearnArgs {
+    /// Training file
+    #[arg(value_name = "CONFIG.toml")]
+    pub config: PathBuf,
+    /// File of the weights, CONFIG.safetensors in this folder when not given
+    #[arg(long, value_name = "FILE")]
+    pub out: Option<PathBuf>,
+    /// Seed instead of the file's
+    #[arg(long, value_name = "K")]
+    pub seed: Option<u64>,
+    /// Go on from the checkpoint of a stopped training
+    #[arg(long)]
+    pub resume: bool,
+    /// Threads, all processors when not given; the result does not depend on it
+    #[arg(long, value_name = "T", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    pub threads: Option<u16>,
+}
+
 /// Arguments of `status`, `merge` and `report`.
 #[derive(Debug, Args)]
 pub struct FolderArgs {
@@ -432,6 +454,7 @@ pub enum ListKind {
     Starts,
     Scenarios,
     Curves,
+    Objectives,
     Presets,
     Formats,
 }

@@ -109,6 +109,17 @@ impl From<cfpose_lab::LabError> for Failure {
     }
 }
 
+impl From<cfpose_learn::LearnError> for Failure {
+    /// Files and what they ask for are input; names are usage, as everywhere.
+    fn from(error: cfpose_learn::LearnError) -> Self {
+        match error {
+            cfpose_learn::LearnError::Library(error) => error.into(),
+            cfpose_learn::LearnError::Entry { .. } => Self { kind: Kind::Usage, error: error.into() },
+            _ => Self { kind: Kind::Input, error: error.into() },
+        }
+    }
+}
+
 /// Say whether a build failed because of its name and parameters, not because of data that were not there yet.
 pub fn is_wrong_name(error: &cfpose::Error) -> bool {
     matches!(error, cfpose::Error::Build(BuildError::Entry(_)))

@@ -2,6 +2,7 @@
 
 mod cameras;
 mod files;
+mod weights;
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -21,6 +22,7 @@ use crate::failure::{Failure, Kind, is_wrong_name};
 use crate::{output, starts};
 
 pub use files::read;
+pub use weights::with_files;
 
 /// A problem built from arguments and files.
 pub struct Loaded {
@@ -54,7 +56,8 @@ impl Loaded {
 /// # Errors
 /// Wrong names and numbers are usage, files and points are input; names are checked before files are read.
 pub fn load(args: &ProblemArgs, registry: &Registry) -> Result<Loaded, Failure> {
-    let mut settings = settings(args, registry)?;
+    let (mut settings, registry) = settings(args, registry)?;
+    let registry = &registry;
     let model = registry.model(&args.model, &BuildContext { seed: args.seed, ..BuildContext::default() })?;
     let form = args.rotation;
     let cameras = cameras::read(args)?;
@@ -190,8 +193,8 @@ pub fn named(args: &ProblemArgs) -> Vec<PathBuf> {
     all
 }
 
-/// Resolve the preset, let flags win over it, and look up every name.
-fn settings(args: &ProblemArgs, registry: &Registry) -> Result<Settings, Failure> {
+/// Resolve the preset, let flags win over it, and look up every name, in a registry that holds the files they ask for.
+fn settings(args: &ProblemArgs, registry: &Registry) -> Result<(Settings, Registry), Failure> {
     let mut settings = Settings::preset(&args.preset, &args.model)?;
     settings.features.clone_from(&args.features);
     settings.solver.clone_from(&args.solver);
@@ -204,6 +207,8 @@ fn settings(args: &ProblemArgs, registry: &Registry) -> Result<Settings, Failure
         check_names(&pipeline, registry).map_err(|problem| Failure::input(format!("{}: {problem}", path.display())))?;
         settings.pipeline = Some(pipeline);
     }
+    let stages = settings.pipeline.iter().flat_map(|pipeline| &pipeline.stages).map(|stage| stage.features.as_str());
+    let registry = with_files(registry, stages.chain(settings.features.as_deref()), Path::new(""))?;
     // What the preset leaves open is looked up when the model is known.
     if let Some(features) = &settings.features {
         match registry.family(features, &BuildContext::default()) {
@@ -220,7 +225,7 @@ fn settings(args: &ProblemArgs, registry: &Registry) -> Result<Settings, Failure
     if let Some(normaliser) = &settings.normaliser {
         registry.normaliser(normaliser)?;
     }
-    Ok(settings)
+    Ok((settings, registry))
 }
 
 /// Put the name of the file before an error about its points.

@@ -22,6 +22,7 @@ pub mod growth;
 pub mod lab;
 pub mod merge;
 pub mod method;
+pub mod paired;
 pub mod plan;
 pub mod plot;
 pub mod record;

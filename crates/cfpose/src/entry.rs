@@ -1,8 +1,14 @@
 //! What a table of named entries is: `name[key=value,...]`, its look-up, and what an entry is built from.
 
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
 use cfpose_kernel::family::{Concatenated, DynFamily};
 use cfpose_kernel::points::Points;
 pub use cfpose_optim::entry::{EntryError, ParameterSpec, Parameters, parse_spec, require_one, suggest};
+
+/// Contents of files by the name under which entries ask for them: the library opens no file.
+pub type Files = BTreeMap<String, Arc<[u8]>>;
 
 /// What the library knows when it builds an entry: some entries depend on the data or on bytes that the caller read.
 #[derive(Debug, Clone, Copy, Default)]
@@ -15,8 +21,9 @@ pub struct BuildContext<'a> {
     pub target: Option<&'a Points>,
     /// Seed for entries that draw random numbers.
     pub seed: u64,
-    /// Bytes handed in by the caller (learned weights): the library opens no file.
-    pub bytes: Option<&'a [u8]>,
+    /// Contents of files that the caller read (learned weights);
+    /// [`Registry::family`](crate::registry::Registry::family) fills in its own.
+    pub files: Option<&'a Files>,
     /// Families that an entry made from another family may name; [`Registry::family`](crate::registry::Registry::family)
     /// fills in its own.
     pub families: &'a [&'static FamilyEntry],
@@ -137,6 +144,28 @@ pub fn build_family(spec: &str, context: &BuildContext<'_>) -> Result<Box<dyn Dy
         Ok([part]) => Ok(Box::new(Concatenated::new(vec![part]))),
         Err(parts) => Ok(Box::new(Concatenated::new(parts))),
     }
+}
+
+/// Return the names of files that a family's name asks for, of its parts and of families inside its parameters too: every value
+/// of a parameter `file` but `none`. Bad syntax names none; building says what is wrong with it.
+///
+/// ```
+/// let files = cfpose::entry::files_of("hermite + 0.5*orthonormalised[basis=learned[file=a b.safetensors]]");
+/// assert_eq!(files, ["a b.safetensors"]);
+/// ```
+pub fn files_of(spec: &str) -> Vec<String> {
+    let mut found = Vec::new();
+    for (_, name) in split_sum(spec).unwrap_or_default() {
+        let Ok((_, given)) = parse_spec(name) else { continue };
+        for (key, value) in given {
+            match key.as_str() {
+                "file" if value != "none" => found.push(value),
+                _ if value.contains('[') => found.extend(files_of(&value)),
+                _ => {}
+            }
+        }
+    }
+    found
 }
 
 /// Split `2*a + b[key=value]` at the plus signs outside brackets into weights and names.

@@ -5,7 +5,7 @@ mod guard;
 use cfpose_kernel::family::DynFamily;
 use cfpose_optim::solver::{Solver, SolverEntry};
 
-use crate::entry::{BuildContext, BuildError, FamilyEntry, NamedEntry, ParameterSpec, build_family, find};
+use crate::entry::{BuildContext, BuildError, FamilyEntry, Files, NamedEntry, ParameterSpec, build_family, find};
 use crate::error::Error;
 use crate::model::{Model, ModelEntry};
 use crate::problem::normalise::{Normaliser, NormaliserEntry};
@@ -36,6 +36,8 @@ pub struct Registry {
     pub starts: Vec<&'static StartEntry>,
     /// Solvers.
     pub solvers: Vec<&'static SolverEntry>,
+    /// Contents of files that entries name, such as `learned[file=...]`, by those names.
+    pub files: Files,
 }
 
 impl Default for Registry {
@@ -47,6 +49,7 @@ impl Default for Registry {
             weightings: crate::statistics::weighting::ALL.to_vec(),
             starts: crate::start::ALL.to_vec(),
             solvers: cfpose_optim::solvers::ALL.to_vec(),
+            files: Files::new(),
         }
     }
 }
@@ -97,7 +100,7 @@ impl Registry {
     /// # Errors
     /// [`Error::Build`] for an unknown name, bad parameters, or data the family cannot use.
     pub fn family(&self, spec: &str, context: &BuildContext<'_>) -> Result<Box<dyn DynFamily>, Error> {
-        let context = BuildContext { families: &self.families, ..*context };
+        let context = BuildContext { families: &self.families, files: context.files.or(Some(&self.files)), ..*context };
         let family = guard::build("family", spec, || build_family(spec, &context))?;
         let own = self.families.iter().filter(|entry| !guard::ships(crate::families::ALL, entry));
         if context.dim > 0 && own.into_iter().any(|entry| spec.contains(entry.name)) {

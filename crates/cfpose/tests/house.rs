@@ -10,7 +10,8 @@ mod source;
 use source::{Tree, module, tokens};
 
 /// Tables whose entries are one file each.
-const TABLES: [&[&str]; 5] = [&["models"], &["families"], &["start"], &["statistics", "weighting"], &["scenarios"]];
+const TABLES: [&[&str]; 6] =
+    [&["models"], &["families"], &["start"], &["statistics", "weighting"], &["scenarios"], &["objectives"]];
 
 /// Rooms of `cfpose`, at most.
 const MAX_ROOMS: usize = 16;

@@ -118,6 +118,7 @@ fn lists(lab: &Lab) -> String {
     section(&mut text, "Weightings", &registry.weightings, None);
     section(&mut text, "Starts", &registry.starts, None);
     section(&mut text, "Scenarios", &lab.scenarios, None);
+    section(&mut text, "Objectives of training", cfpose_learn::objectives::ALL, None);
     text
 }
 

@@ -46,6 +46,7 @@ fn lines(kind: ListKind, lab: &Lab) -> Vec<Line> {
         ListKind::Weightings => of_table(&registry.weightings),
         ListKind::Starts => of_table(&registry.starts),
         ListKind::Scenarios => of_table(&lab.scenarios),
+        ListKind::Objectives => of_table(cfpose_learn::objectives::ALL),
         ListKind::Curves => of_table(cfpose_lab::curves::ALL),
         ListKind::Presets => presets(),
         ListKind::Formats => formats(),

@@ -6,6 +6,7 @@ mod demo;
 mod docs;
 mod estimate;
 mod evaluate;
+mod learn;
 mod list;
 mod pose;
 mod results;
@@ -32,6 +33,7 @@ pub fn run(command: &Command, lab: &Lab) -> Result<(), Failure> {
         Command::Status(args) => results::status(args, lab),
         Command::Merge(args) => results::merge(args, lab),
         Command::Report(args) => results::report(args, lab),
+        Command::Learn(args) => learn::run(args, lab),
         Command::Docs(args) => docs::run(args, lab),
         Command::Completions(args) => shell::completions(args),
         Command::Man(args) => shell::man(args),

@@ -1,10 +1,10 @@
-//! Two clouds on one asymmetric shape, a full random rotation apart.
+//! Two clouds on one asymmetric shape, a full random rotation apart; a start at a given angle from the truth, or none.
 
 use std::path::{Path, PathBuf};
 
 use cfpose::entry::{EntryError, ParameterSpec, Parameters};
 use cfpose::{Points, Pose, Side};
-use cfpose_optim::manifold::rotation_of_quaternion;
+use cfpose_optim::manifold::{multiply3, rotation_exp, rotation_of_quaternion};
 use rand::RngExt;
 use rand_chacha::ChaCha12Rng;
 use rand_distr::StandardNormal;
@@ -12,7 +12,7 @@ use rand_distr::StandardNormal;
 use crate::sampling::{add_uniform, cut_by_plane, shuffle};
 use crate::scenario::{Scenario, ScenarioEntry, ScenarioError, Success, Trial};
 
-use crate::shapes::{Shape, Source};
+use crate::shapes::{Shape, Source, direction};
 
 /// Fewest points that the cut by `overlap` leaves.
 const MIN_POINTS: usize = 4;
@@ -22,7 +22,8 @@ const MIN_POINTS: usize = 4;
 /// Random draws of a trial, in this order: the rotation (four normals, a uniform quaternion), the translation (three
 /// normals, times `translation`), the source points, with `sampling = independent` the target points (the shape says how),
 /// with `overlap` below 1 a direction (three normals), the noise (three normals for every target point that is left), the
-/// clutter (three uniforms each), the permutation of the target (Fisher-Yates from the end).
+/// clutter (three uniforms each), the permutation of the target (Fisher-Yates from the end), with `start` the axis of the start's error
+/// (three normals).
 ///
 /// The cut keeps the share `overlap` of the target points: those that lie farthest back along the direction.
 struct Cloud3 {
@@ -38,12 +39,18 @@ struct Cloud3 {
     /// Clutter points, as a share of the target points.
     clutter: f64,
     overlap: f64,
+    /// Angle between the start and the truth, radians.
+    start: Option<f64>,
 }
 
 impl Cloud3 {
     fn new(parameters: &Parameters) -> Result<Self, EntryError> {
         let not_negative = |key| parameters.number(key, "a number >= 0", |v| v >= 0.0 && v.is_finite());
         let source = Source::of(parameters)?;
+        let start = match parameters.text("start") {
+            "none" => None,
+            _ => Some(parameters.number("start", "`none` or degrees from 0 to 180", |v| (0.0..=180.0).contains(&v))?),
+        };
         // A surface from a seed needs no file.
         let shape = if matches!(source, Source::Seed(_)) { source.load(Path::new("")).ok() } else { None };
         Ok(Self {
@@ -56,6 +63,7 @@ impl Cloud3 {
             translation: not_negative("translation")?,
             clutter: parameters.number("clutter", "a share from 0 to 10", |v| (0.0..=10.0).contains(&v))?,
             overlap: parameters.number("overlap", "a share above 0, at most 1", |v| v > 0.0 && v <= 1.0)?,
+            start: start.map(f64::to_radians),
         })
     }
 
@@ -114,9 +122,13 @@ impl Scenario for Cloud3 {
         let points = |side, rows: &[[f64; 3]]| {
             Points::from_rows(rows).map_err(|problem| ScenarioError::Points { side, problem })
         };
-        let truth = pose.rotation.iter().chain(&pose.translation).copied().collect();
+        let ambient = |rotation: &[f64; 9]| rotation.iter().chain(&pose.translation).copied().collect::<Vec<f64>>();
         let success = Success::Parts { angle: 5.0_f64.to_radians(), translation: 0.05 };
-        Ok(Trial::new(points(Side::Source, &source)?, points(Side::Target, &target)?, truth, success))
+        let (source, target) = (points(Side::Source, &source)?, points(Side::Target, &target)?);
+        let trial = Trial::new(source, target, ambient(&pose.rotation), success);
+        let Some(angle) = self.start else { return Ok(trial) };
+        let turn = rotation_exp(&direction(rng).map(|u| angle * u));
+        Ok(trial.with_start(ambient(&multiply3(&pose.rotation, &turn))))
     }
 }
 
@@ -146,6 +158,11 @@ pub(super) const ENTRY: ScenarioEntry = ScenarioEntry {
             name: "overlap",
             default: "1",
             meaning: "share of the target's points that is left, cut by a plane of random direction; 0 < . <= 1",
+        },
+        ParameterSpec {
+            name: "start",
+            default: "none",
+            meaning: "none, or the angle in degrees by which the start turns the truth about a random axis through the shape's middle",
         },
     ],
     source: "project; setting of the 3D-3D experiments of Domokos and Hagege; bunny: Stanford 3D Scanning Repository",

@@ -5,6 +5,7 @@ mod chebyshev;
 mod coordinates;
 mod fourier;
 mod hermite;
+pub mod learned;
 mod legendre;
 mod monomial;
 pub mod orthonormalised;
@@ -32,4 +33,5 @@ pub const ALL: &[&FamilyEntry] = &[
     &rbf::ENTRY,
     &angular::ENTRY,
     &quadrature_blur::ENTRY,
+    &learned::ENTRY,
 ];

@@ -1,47 +1,13 @@
 //! Random Fourier features: waves whose frequencies are drawn from a Gaussian.
 
-use cfpose_kernel::family::{Family, General, GradientTerm};
-use cfpose_kernel::scalar::Scalar;
+use cfpose_kernel::family::General;
 use rand::SeedableRng;
 use rand_chacha::ChaCha12Rng;
 use rand_distr::{Distribution, StandardNormal};
 
-use super::shared::waves::{blur_waves, wave_gradients};
+use super::shared::waves::Waves;
 use crate::entry::FamilyEntry;
 use crate::entry::ParameterSpec;
-
-struct RandomFourier {
-    frequencies: Vec<[f64; 3]>,
-}
-
-impl Family for RandomFourier {
-    fn num_basis(&self, _dim: usize) -> usize {
-        2 * self.frequencies.len()
-    }
-
-    #[inline(always)]
-    fn basis<S: Scalar, const D: usize>(&self, x: [S; D], out: &mut [S]) {
-        let (cosines, sines) = out.split_at_mut(self.frequencies.len());
-        for i in 0..cosines.len() {
-            let mut phase = x[0] * self.frequencies[i][0];
-            for q in 1..D {
-                phase = phase + x[q] * self.frequencies[i][q];
-            }
-            let (sine, cosine) = phase.sin_cos();
-            cosines[i] = cosine;
-            sines[i] = sine;
-        }
-    }
-
-    fn blur<S: Scalar>(&self, dim: usize, covariance: &[S], means: &mut [S]) -> bool {
-        blur_waves(&self.frequencies, dim, covariance, means);
-        true
-    }
-
-    fn gradient_terms(&self, dim: usize) -> Option<Vec<GradientTerm>> {
-        Some(wave_gradients(&self.frequencies, dim))
-    }
-}
 
 pub(super) const ENTRY: FamilyEntry = FamilyEntry {
     name: "random-fourier",
@@ -71,6 +37,6 @@ pub(super) const ENTRY: FamilyEntry = FamilyEntry {
         let mut rng = ChaCha12Rng::seed_from_u64(seed);
         let mut normal = || -> f64 { StandardNormal.sample(&mut rng) };
         let frequencies = (0..count).map(|_| [scale * normal(), scale * normal(), scale * normal()]).collect();
-        Ok(Box::new(General(RandomFourier { frequencies })))
+        Ok(Box::new(General(Waves::new(frequencies))))
     },
 };

@@ -1,0 +1,67 @@
+//! `cfpose learn`, and weight files wherever a family is named.
+
+mod common;
+
+use common::Desk;
+
+const TRAINING: &str = r#"
+kind = "linear"
+basis = "hermite[degree=3]"
+features = 12
+seed = 3
+[sampling]
+trials = 6
+states = 6
+validation-trials = 3
+rounds = 1
+round-trials = 2
+[training]
+steps = 20
+look = 10
+batch = 32
+[[objective]]
+name = "contraction"
+[[data]]
+scenario = "cloud3"
+shape = "{seed}"
+points = 60
+"#;
+
+const EXPERIMENT: &str = r#"
+trials = 2
+[[scenario]]
+name = "cloud3"
+points = 60
+start = 20
+[[method]]
+name = "own"
+preset = "paper"
+features = "learned[file=w.safetensors]"
+"#;
+
+#[test]
+fn weights_are_trained_used_and_refused_by_name() {
+    let desk = Desk::new();
+    desk.write("t.toml", TRAINING);
+    desk.write("e.toml", EXPERIMENT);
+    let run = desk.run("learn t.toml --out w.safetensors --threads 1");
+    assert!(run.code == 0 && run.out.contains("--features learned[file=w.safetensors]"), "{}", run.err);
+    desk.run("learn t.toml --out v.safetensors --threads 2");
+    assert_eq!(std::fs::read(desk.path("w.safetensors")).unwrap(), std::fs::read(desk.path("v.safetensors")).unwrap());
+    let run = desk.json("run e.toml --out out");
+    assert_eq!(run["summary"][0]["successes"], 2, "{run}");
+    desk.write("p.csv", "0,0,0\n1,0,0\n0,2,0\n0,0,3\n1,1,1\n2,1,0\n");
+    let estimate = "estimate --model rigid3 --preset paper --source p.csv --target p.csv --features";
+    assert_eq!(desk.json(&format!("{estimate} learned[file=w.safetensors]"))["usable"], true);
+    assert_eq!(desk.json(&format!("{estimate} learned"))["usable"], true);
+    // What is wrong, where, with the exit code of bad input.
+    desk.write("x.safetensors", "nothing of that kind");
+    let message = desk.fails(3, &format!("{estimate} learned[file=x.safetensors]"));
+    assert!(message.contains("x.safetensors: not a safetensors file"), "{message}");
+    let message = desk.fails(3, &format!("{estimate} hermite+2*learned[file=absent]"));
+    assert!(message.contains("absent: cannot be read"), "{message}");
+    let message = desk.fails(2, "learn t.toml --out t.toml");
+    assert!(message.contains("would overwrite t.toml"), "{message}");
+    desk.write("u.toml", &TRAINING.replace("contraction", "contractoin"));
+    assert!(desk.fails(2, "learn u.toml").contains("did you mean contraction"));
+}
