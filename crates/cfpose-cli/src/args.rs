@@ -53,6 +53,8 @@ pub enum Command {
     List(ListArgs),
     /// Check registered entries: derivatives, conformance, conditioning, speed
     Check(CheckArgs),
+    /// Measure the registration of images on rendered pairs of known pose
+    Cells(CellsArgs),
     /// Compute an experiment or a shard of it
     Run(RunArgs),
     /// Count what is there of a run
@@ -233,6 +235,23 @@ pub struct ListArgs {
     /// What to list
     pub kind: ListKind,
     /// Write JSON to a file, or to standard output for -
+    #[arg(long, value_name = "FILE|-")]
+    pub json: Option<PathBuf>,
+}
+
+/// Arguments of `cells`.
+#[derive(Debug, Args)]
+pub struct CellsArgs {
+    /// Conditions; all when not given
+    #[arg(value_name = "CELL")]
+    pub names: Vec<String>,
+    /// Pairs of a condition
+    #[arg(long, value_name = "N", default_value_t = 20)]
+    pub trials: u64,
+    /// Seed of the pairs
+    #[arg(long, value_name = "K", default_value_t = 1)]
+    pub seed: u64,
+    /// Write every pair as JSON to a file, or to standard output for -
     #[arg(long, value_name = "FILE|-")]
     pub json: Option<PathBuf>,
 }

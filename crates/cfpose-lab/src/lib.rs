@@ -25,6 +25,7 @@ pub mod method;
 pub mod plan;
 pub mod plot;
 pub mod record;
+pub mod rendered;
 pub mod report;
 pub mod run;
 mod sampling;

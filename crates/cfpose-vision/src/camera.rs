@@ -74,6 +74,19 @@ impl Camera {
         self.0
     }
 
+    /// Return the pixel in which a place of the plane z = 1 is seen.
+    #[inline]
+    pub fn pixel_of(self, place: [f64; 2]) -> [f64; 2] {
+        let [x, y] = self.1.distort(place);
+        [self.0.fx * x + self.0.cx, self.0.fy * y + self.0.cy]
+    }
+
+    /// Return the place of the plane z = 1 that is seen in a pixel; `None` where the lens shows none.
+    #[inline]
+    pub fn place_of(self, pixel: [f64; 2]) -> Option<[f64; 2]> {
+        self.1.undistort([(pixel[0] - self.0.cx) / self.0.fx, (pixel[1] - self.0.cy) / self.0.fy])
+    }
+
     /// Return the points (x, y) of pixels (u, v), weights with them: ((u - cx) / fx, (v - cy) / fy) where there is no lens.
     ///
     /// # Errors

@@ -1,5 +1,6 @@
 //! One file for each command.
 
+mod cells;
 mod check;
 mod conformance;
 mod demo;
@@ -27,6 +28,7 @@ pub fn run(command: &Command, lab: &Lab) -> Result<(), Failure> {
         Command::Estimate(args) => estimate::run(args, lab),
         Command::Evaluate(args) => evaluate::run(args, lab),
         Command::List(args) => list::run(args, lab),
+        Command::Cells(args) => cells::run(args),
         Command::Check(args) => check::run(args, lab),
         Command::Run(args) => run::run(args, lab),
         Command::Status(args) => results::status(args, lab),

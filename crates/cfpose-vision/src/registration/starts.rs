@@ -1,0 +1,110 @@
+//! Disturbed starts: turned, tilted, moved and scaled about the pattern's centre.
+
+use cfpose_optim::Manifold;
+use cfpose_optim::manifold::{multiply3, rotation_exp};
+use rand::RngExt;
+use rand_chacha::ChaCha12Rng;
+use rand_chacha::rand_core::SeedableRng;
+use rand_distr::StandardNormal;
+
+use super::pattern::Pattern;
+use super::registrar::Registrar;
+
+/// Standard deviations of a disturbance: angles, radians (in the plane 0.6 of it), and shift as a share of the depth.
+const ANGLE: f64 = 0.25;
+const SHIFT: f64 = 0.12;
+
+/// Draws starts from a seed.
+pub(super) struct Disturbed<'a> {
+    registrar: &'a Registrar,
+    mean: [f64; 3],
+    /// Extent of the pattern on the plane z = 1.
+    size: f64,
+    rng: ChaCha12Rng,
+}
+
+impl<'a> Disturbed<'a> {
+    pub fn new(registrar: &'a Registrar, pattern: &Pattern, seed: u64) -> Self {
+        let points = &pattern.points[0];
+        let covariance = points.covariance();
+        let size = (covariance[0][0] + covariance[1][1]).sqrt();
+        Self { registrar, mean: points.mean(), size, rng: ChaCha12Rng::seed_from_u64(seed) }
+    }
+
+    fn normal(&mut self) -> f64 {
+        self.rng.sample(StandardNormal)
+    }
+
+    /// Return a theta near another; `scale` multiplies the disturbance.
+    pub fn near(&mut self, theta: &[f64], scale: f64) -> Vec<f64> {
+        let draws: [f64; 6] = std::array::from_fn(|_| self.normal());
+        let layout = &self.registrar.model().layout;
+        let has_pose = layout.range("rotation") == Some(0..9) && layout.range("translation") == Some(9..12);
+        let disturbed = match theta.len() {
+            12.. if has_pose => self.pose(theta, &draws, scale),
+            9 => self.homography(theta, &draws, scale),
+            6 => self.affine(theta, &draws, scale),
+            _ => {
+                let manifold = layout.manifold();
+                let step: Vec<f64> = draws.iter().map(|d| 0.1 * scale * d).chain(std::iter::repeat(0.0)).collect();
+                let mut out = vec![0.0; theta.len()];
+                manifold.retract(theta, &step[..manifold.tangent()], &mut out);
+                out
+            }
+        };
+        self.registrar.held_at_start(&disturbed, theta)
+    }
+
+    /// Turn about the pattern's centre in the camera's axes, and move that centre.
+    fn pose(&self, theta: &[f64], draws: &[f64; 6], scale: f64) -> Vec<f64> {
+        let angle = ANGLE * scale;
+        let turn = rotation_exp(&[angle * draws[0], angle * draws[1], 0.6 * angle * draws[2]]);
+        let rotation = multiply3(&turn, &theta[..9]);
+        let point = [self.mean[0], self.mean[1], 1.0];
+        let image = |r: &[f64], i: usize| (0..3).map(|k| r[3 * i + k] * point[k]).sum::<f64>();
+        let shift = SHIFT * scale;
+        let moves = [0.6 * shift * draws[3], 0.6 * shift * draws[4], shift * draws[5]];
+        let mut out = rotation.to_vec();
+        out.extend((0..3).map(|i| image(theta, i) + theta[9 + i] + moves[i] - image(&rotation, i)));
+        out.extend(&theta[12..]);
+        out
+    }
+
+    /// Disturb a homography by an affine map about the pattern's centre and a little perspective.
+    fn homography(&self, theta: &[f64], draws: &[f64; 6], scale: f64) -> Vec<f64> {
+        let e = 0.15 * scale;
+        let m = self.mean;
+        let (a, b, c, d) = (1.0 + e * draws[0], e * draws[1], e * draws[2], 1.0 + e * draws[3]);
+        let shift = [0.4 * self.size * scale * draws[4], 0.4 * self.size * scale * draws[5]];
+        let matrix = [
+            a,
+            b,
+            m[0] + shift[0] - a * m[0] - b * m[1], //
+            c,
+            d,
+            m[1] + shift[1] - c * m[0] - d * m[1], //
+            0.0,
+            0.0,
+            1.0,
+        ];
+        let product = multiply3(&[0, 1, 2, 3, 4, 5, 6, 7, 8].map(|k: usize| theta[k]), &matrix);
+        let norm = product.iter().map(|v| v * v).sum::<f64>().sqrt();
+        product.iter().map(|v| v / norm).collect()
+    }
+
+    /// Disturb an affine map about the pattern's centre.
+    fn affine(&self, theta: &[f64], draws: &[f64; 6], scale: f64) -> Vec<f64> {
+        let e = 0.25 * scale;
+        let change = [1.0 + e * draws[0], e * draws[1], e * draws[2], 1.0 + e * draws[3]];
+        let mut out = vec![0.0; 6];
+        for i in 0..2 {
+            for j in 0..2 {
+                out[2 * i + j] = (0..2).map(|k| theta[2 * i + k] * change[2 * k + j]).sum();
+            }
+            let centre = theta[2 * i] * self.mean[0] + theta[2 * i + 1] * self.mean[1] + theta[4 + i];
+            let moved = 0.3 * self.size * scale * draws[4 + i];
+            out[4 + i] = centre + moved - out[2 * i] * self.mean[0] - out[2 * i + 1] * self.mean[1];
+        }
+        out
+    }
+}
