@@ -110,6 +110,14 @@ impl Picture {
         [0, 1, 2].map(|c| transfer.light(f32::from(plane(c)) / 65535.0))
     }
 
+    /// Say whether nearly all pixels have one of two values: a mask, whose edges tell nothing about light.
+    pub fn is_two_valued(&self) -> bool {
+        let plane = &self.planes[0];
+        let (low, high) = plane.iter().fold((u16::MAX, 0), |(a, b), v| (a.min(*v), b.max(*v)));
+        let between = plane.iter().filter(|v| **v != low && **v != high).count();
+        1000 * between < plane.len()
+    }
+
     /// Say whether the image has colours.
     pub fn is_coloured(&self) -> bool {
         self.planes.len() == 3

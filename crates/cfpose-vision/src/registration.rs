@@ -4,6 +4,7 @@
 //! [`Registrar::register`] runs all stages; each of them can be called alone: [`Registrar::by_moments`], [`Registrar::by_contour`],
 //! [`Registrar::quality`].
 
+mod bend;
 mod edges;
 mod fit;
 mod mapper;

@@ -61,6 +61,9 @@ pub struct Segmentation {
 /// Pixels beyond this distance from the boundary are covered wholly or not at all.
 const BAND: usize = 3;
 
+/// Light from which a pixel counts as over-exposed.
+const CLIPPED: f32 = 0.99;
+
 /// Smallest component, pixels, and as a share of the largest.
 const SMALLEST: (usize, f64) = (30, 0.02);
 
@@ -91,9 +94,18 @@ pub fn segment(light: &Raster, options: &SegmentOptions) -> Result<Segmentation,
     if components.is_empty() {
         return Err(SegmentError::Nothing(SMALLEST.0));
     }
-    let [inside, outside] = levels(&reflectance, &mask).unwrap_or([pattern, first[1]]);
+    let [inside, mut outside] = levels(&reflectance, &mask).unwrap_or([pattern, first[1]]);
+    // An over-exposed background: its light follows from the pattern's and the reference.
+    if let (true, Some(known)) = (dark && background_is_clipped(light, &mask), options.level) {
+        outside = outside.max(inside / known.max(0.05));
+    }
     let noise = noise_of(light, &reflectance, &smooth, &mask) / (outside - inside).abs().max(1e-6);
-    let coverage = coverage(&reflectance, &mask, inside, outside);
+    let mut coverage = coverage(&reflectance, &mask, inside, outside);
+    if dark {
+        // What is cut off at the top is no part of a dark pattern.
+        let cut_off = coverage.values_mut().iter_mut().zip(light.values()).filter(|(_, light)| **light >= CLIPPED);
+        cut_off.for_each(|(share, _)| *share = 0.0);
+    }
     Ok(Segmentation { coverage, reflectance, dark, level: inside, threshold: middle, noise, components, others })
 }
 
@@ -118,7 +130,7 @@ fn flatten(
         return Ok((turned, smooth, options.threshold.unwrap_or(threshold)));
     }
     let level = plain.above.max(1e-6);
-    let surface = background::surface(light).filter(|surface| {
+    let surface = background::surface(light, level, CLIPPED).filter(|surface| {
         let values = surface.on_grid(light.width(), light.height());
         values.iter().all(|v| *v > 0.1 * level && *v < 10.0 * level)
     });
@@ -137,7 +149,7 @@ fn flatten(
         // The surface through the background's pixels alone.
         let threshold = options.threshold.unwrap_or(split.threshold);
         let mask = Mask::of(&even, |value| value <= threshold);
-        if let Some(correction) = background::refit(&reflectance, &mask) {
+        if let Some(correction) = background::refit(&reflectance, light, &mask, CLIPPED) {
             (reflectance, even) = (correction.divide(&reflectance), correction.divide(&even));
         }
     }
@@ -169,6 +181,14 @@ fn levels(reflectance: &Raster, mask: &Mask) -> Option<[f32; 2]> {
         inside = reflectance.values().iter().zip(&mask.values).filter(|(_, m)| **m == 1).map(|(v, _)| *v).collect();
     }
     Some([median(&mut inside)?, median(&mut outside)?])
+}
+
+/// Say whether most of the background is over-exposed.
+fn background_is_clipped(light: &Raster, mask: &Mask) -> bool {
+    let outside = light.values().iter().zip(&mask.values).step_by(5).filter(|(_, inside)| **inside == 0);
+    let (mut all, mut clipped) = (0usize, 0usize);
+    outside.for_each(|(value, _)| (all, clipped) = (all + 1, clipped + usize::from(*value >= CLIPPED)));
+    2 * clipped > all
 }
 
 /// Prefer the level that the reference has where the image shows pixels of it.

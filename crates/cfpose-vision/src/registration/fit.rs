@@ -5,7 +5,7 @@ use std::sync::Arc;
 use cfpose_optim::solvers::GaussNewton;
 use cfpose_optim::{Control, Manifold, Solver, Stopping};
 
-use super::edges;
+use super::{bend, edges};
 use super::mapper::Mapped;
 use super::pattern::Pattern;
 use super::problem::EdgeProblem;
@@ -18,8 +18,15 @@ const FEWEST: usize = 12;
 /// Residuals beyond this many standard deviations do not count (Tukey's biweight).
 const TUKEY: f64 = 4.0;
 
-/// Smallest scale of the residuals, pixels.
-const LEAST_SCALE: f64 = 0.15;
+/// Smallest scale of the residuals on the way and at the end, pixels.
+const LEAST_SCALE: [f64; 2] = [0.15, 0.05];
+
+/// Steps at the end, at most, and the step at which they end: tangent coordinates.
+const LAST_STEPS: usize = 12;
+const REST: f64 = 1e-6;
+
+/// Steps with edges that the blur's shift was taken from.
+const UNBENT_STEPS: usize = 3;
 
 /// How far the search goes, pixels, and how often each distance is used.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -51,10 +58,25 @@ pub(super) struct Found {
     pub edges: Vec<[f64; 2]>,
     /// Normals on the plane z = 1.
     pub normals: Vec<[f64; 2]>,
+    /// Normals in pixels.
+    pub across: Vec<[f64; 2]>,
     /// Mapped places in pixels.
     pub pixels: Vec<[f64; 2]>,
     /// Whether a place lies in the frame, in front of the camera and where nothing is known to hide it.
     pub visible: Vec<bool>,
+}
+
+impl Found {
+    /// Move edges along their normals, pixels.
+    fn move_by(&mut self, shifts: &[f64], view: &View) {
+        for (i, shift) in shifts.iter().enumerate().filter(|(_, shift)| **shift != 0.0) {
+            let distance = self.distances[i] + shift;
+            let place = [0, 1].map(|d| self.pixels[i][d] + distance * self.across[i][d]);
+            if let Some(edge) = view.camera.place_of(place) {
+                (self.distances[i], self.edges[i]) = (distance, edge);
+            }
+        }
+    }
 }
 
 /// A theta that the contour fits.
@@ -86,18 +108,30 @@ impl Registrar {
         let manifold: Arc<dyn Manifold> = self.manifold_at(theta);
         let mut theta = theta.to_vec();
         let mut steps = 0;
-        for reach in schedule.reaches {
-            for _ in 0..schedule.steps {
+        let last = schedule.reaches.len() - 1;
+        for (stage, reach) in schedule.reaches.iter().enumerate() {
+            let (count, least) = match stage == last {
+                true => (LAST_STEPS, LEAST_SCALE[1]),
+                false => (schedule.steps, LEAST_SCALE[0]),
+            };
+            for _ in 0..count {
                 let found = self.search(outlined, view, &theta, *reach)?;
-                let next = step(outlined, &manifold, &found, &theta, view.camera.focal())?;
+                let next = step(outlined, &manifold, &found, &theta, view.camera.focal(), least)?;
                 let mut moved = vec![0.0; manifold.tangent()];
                 manifold.local(&theta, &next, &mut moved);
                 theta = next;
                 steps += 1;
-                if moved.iter().all(|d| d.abs() < 1e-7) {
+                if moved.iter().all(|d| d.abs() < REST) {
                     break;
                 }
             }
+        }
+        // Once more with the edges where they would be without blur.
+        for _ in 0..UNBENT_STEPS {
+            let mut found = self.search(outlined, view, &theta, 3.0)?;
+            let shifts = bend::shifts(&found);
+            found.move_by(&shifts, view);
+            theta = step(outlined, &manifold, &found, &theta, view.camera.focal(), LEAST_SCALE[1])?;
         }
         theta.iter().all(|value| value.is_finite()).then_some(ContourFit { theta, steps })
     }
@@ -113,6 +147,7 @@ impl Registrar {
             slopes: vec![f64::NAN; count],
             edges: vec![[0.0; 2]; count],
             normals: vec![[0.0; 2]; count],
+            across: vec![[0.0; 2]; count],
             pixels: vec![[f64::NAN; 2]; count],
             visible: vec![false; count],
         };
@@ -132,7 +167,7 @@ impl Registrar {
             let across = [tip[0] - pixel[0], tip[1] - pixel[1]];
             let length = across[0].hypot(across[1]).max(1e-300);
             let across = across.map(|v| v / length);
-            (found.normals[i], found.pixels[i]) = (normal, pixel);
+            (found.normals[i], found.across[i], found.pixels[i]) = (normal, across, pixel);
             let inside = pixel[0] > 2.0 && pixel[1] > 2.0 && pixel[0] < w - 3.0 && pixel[1] < h - 3.0;
             found.visible[i] = inside && view.field.sample(pixel[0], pixel[1]).is_some_and(|v| !v.is_nan());
             let Some(edge) = edges::nearest(&view.field, pixel, across, reach, outlined.levels[i]) else { continue };
@@ -151,12 +186,13 @@ fn step(
     found: &Found,
     theta: &[f64],
     focal: f64,
+    least: f64,
 ) -> Option<Vec<f64>> {
     let mut sizes: Vec<f32> = found.distances.iter().filter(|d| !d.is_nan()).map(|d| d.abs() as f32).collect();
     if sizes.len() < FEWEST.max(manifold.tangent() + 2) {
         return None;
     }
-    let scale = (1.4826 * f64::from(crate::segment::median(&mut sizes)?)).max(LEAST_SCALE);
+    let scale = (1.4826 * f64::from(crate::segment::median(&mut sizes)?)).max(least);
     let weight = |d: f64| if d.is_nan() { 0.0 } else { (1.0 - (d / (TUKEY * scale)).powi(2)).max(0.0) };
     let problem = EdgeProblem {
         mapper: &outlined.places,

@@ -25,6 +25,8 @@ pub struct Quality {
     pub rms: f64,
     /// Expected standard deviation of one edge by noise, frame and reference, pixels.
     pub expected: f64,
+    /// Standard deviation of the blur across the contour, pixels.
+    pub blur: f64,
     /// Share of the frame's region that the mapped reference explains.
     pub frame_explained: f64,
     /// Share of the mapped reference, where visible, that the frame's region explains.
@@ -39,6 +41,7 @@ impl Quality {
         median: f64::INFINITY,
         rms: f64::INFINITY,
         expected: 0.0,
+        blur: 0.0,
         frame_explained: 0.0,
         reference_explained: 0.0,
     };
@@ -82,7 +85,10 @@ impl Registrar {
             visible: visible / count,
             median: f64::from(crate::segment::median(&mut sizes).unwrap_or(f32::INFINITY)),
             rms: square.sqrt(),
-            expected: (view.noise / slope).hypot(pattern.outline.deviation),
+            // A sample between pixels, and two of them, have .75 of the noise of one pixel.
+            expected: 0.75 * (view.noise / slope).hypot(pattern.outline.deviation),
+            // The slope of a blurred step is 1 / (sqrt(2 pi) deviation).
+            blur: 0.399 / slope,
             frame_explained,
             reference_explained,
         }

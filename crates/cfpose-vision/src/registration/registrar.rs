@@ -145,6 +145,14 @@ impl Registrar {
         (self.homography)(theta)
     }
 
+    /// Map the outline of a pattern into a frame, pixels; what is behind the camera is NaN.
+    pub fn outline_in(&self, pattern: &Pattern, view_camera: crate::Camera, theta: &[f64]) -> Vec<[f64; 2]> {
+        let Ok(outlined) = self.outlined(pattern) else { return Vec::new() };
+        let mapped = outlined.places.at(theta, None);
+        let places = mapped.x.iter().zip(&mapped.ahead);
+        places.map(|(x, ahead)| if *ahead { view_camera.pixel_of(*x) } else { [f64::NAN; 2] }).collect()
+    }
+
     /// Return the start of the first frame.
     pub fn start(&self) -> &[f64] {
         &self.start
@@ -282,13 +290,14 @@ struct Hunt<'a> {
 
 /// Say whether a theta explains a frame: the whole contour and both regions, or a part of the contour and one region wholly.
 pub(super) fn hunt_accepts(pattern: &Pattern, view: &View, quality: &Quality) -> bool {
-    let crisp = quality.median < 0.1 + quality.expected;
+    // Of normal distances the median is .67 deviations; blur bends edges, and hidden parts end in corners.
+    let crisp = |more: f64| quality.median < more + 0.02 * quality.blur.powi(2) + 0.9 * quality.expected;
     let complete = quality.share > 0.93 && quality.frame_explained > 0.975 && quality.reference_explained > 0.975;
     // Noise of the coverage near the boundary makes regions differ.
     let boundary = pattern.outline.spacing * pattern.outline.places.len() as f64;
     let slack = view.noise * 2.0 * boundary / pattern.area;
     let partly = quality.share > 0.45 && quality.one_sided() > 0.9972 - slack;
-    crisp && (complete || partly)
+    (complete && crisp(0.06)) || (partly && crisp(0.03))
 }
 
 impl Hunt<'_> {
@@ -301,30 +310,46 @@ impl Hunt<'_> {
             return;
         }
         let begin = last.map_or_else(|| identity.clone(), <[f64]>::to_vec);
+        let mut disturbed = Disturbed::new(self.registrar, self.pattern, seed);
+        let centred = disturbed.centred(&begin, self.view);
         // Regions: as far as they are seen where parts are hidden or outside the frame, then as if they were whole.
         for seen in [true, false] {
             if seen && self.view.partly.is_none() {
                 continue;
             }
-            if self.moments(&begin, seen, "moments") {
+            if self.moments(&begin, seen, "moments") || self.moments(&centred, seen, "moments-centred") {
                 return;
             }
         }
-        let mut disturbed = Disturbed::new(self.registrar, self.pattern, seed);
         let visible = self.view.partly.is_some();
         for k in 0..MOMENT_STARTS {
-            let start = disturbed.near(&identity, if k < 6 { 1.0 } else { 1.6 });
+            let base = if k % 2 == 0 { &centred } else { &identity };
+            let start = disturbed.near(base, if k < 6 { 1.0 } else { 1.6 });
             if self.moments(&start, visible, "moments-disturbed") {
                 return;
             }
         }
         let by_moments = self.best.as_ref().map_or_else(|| identity.clone(), |(theta, ..)| theta.clone());
-        if self.contour(&identity, Schedule::FAR, "contour") || self.contour(&by_moments, Schedule::FAR, "contour") {
-            return;
+        for start in [&identity, &by_moments] {
+            if self.contour(start, Schedule::FAR, "contour") {
+                return;
+            }
+        }
+        // Half planes of the reference left out: the moments of the rest tell which part is hidden.
+        for start in self.registrar.by_parts(self.pattern, self.view, &centred) {
+            if self.contour(&start, Schedule::FAR, "parts") {
+                return;
+            }
         }
         for k in 0..CONTOUR_STARTS {
-            let base = if k % 3 == 0 { &by_moments } else { &begin };
-            let start = disturbed.near(base, 1.2);
+            let best = self.best.as_ref().map_or_else(|| begin.clone(), |(theta, ..)| theta.clone());
+            let (base, scale) = match k % 4 {
+                0 => (&by_moments, 1.2),
+                1 => (&best, 0.6),
+                2 => (&centred, 1.2),
+                _ => (&begin, 1.2),
+            };
+            let start = disturbed.near(base, scale);
             if self.contour(&start, Schedule::FAR, "contour-disturbed") {
                 return;
             }

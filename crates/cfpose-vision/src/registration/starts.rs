@@ -20,6 +20,8 @@ pub(super) struct Disturbed<'a> {
     mean: [f64; 3],
     /// Extent of the pattern on the plane z = 1.
     size: f64,
+    /// Area of the pattern there.
+    area: f64,
     rng: ChaCha12Rng,
 }
 
@@ -28,7 +30,8 @@ impl<'a> Disturbed<'a> {
         let points = &pattern.points[0];
         let covariance = points.covariance();
         let size = (covariance[0][0] + covariance[1][1]).sqrt();
-        Self { registrar, mean: points.mean(), size, rng: ChaCha12Rng::seed_from_u64(seed) }
+        let area = points.weights().iter().sum::<f64>() / pattern.camera.focal().powi(2);
+        Self { registrar, mean: points.mean(), size, area, rng: ChaCha12Rng::seed_from_u64(seed) }
     }
 
     fn normal(&mut self) -> f64 {
@@ -53,6 +56,44 @@ impl<'a> Disturbed<'a> {
             }
         };
         self.registrar.held_at_start(&disturbed, theta)
+    }
+
+    /// Move and scale a theta so that the pattern's centre and area are those of the frame's region; fixed parameters stay.
+    pub fn centred(&self, theta: &[f64], view: &super::view::View) -> Vec<f64> {
+        let target = view.points[0].mean();
+        let h = self.registrar.homography(theta);
+        let depth = h[6] * self.mean[0] + h[7] * self.mean[1] + h[8];
+        let image = cfpose::homography::apply(&h, [self.mean[0], self.mean[1]]);
+        // Change of area at the centre, times the reference's, against the frame's.
+        let change = cfpose_optim::manifold::determinant3(&h).abs() / depth.abs().powi(3);
+        let area = |points: &cfpose::Points, focal: f64| points.weights().iter().sum::<f64>() / focal.powi(2);
+        let scale = (area(&view.points[0], view.camera.focal()) / (change * self.area)).sqrt();
+        let shift = [target[0] - scale * image[0], target[1] - scale * image[1]];
+        let layout = &self.registrar.model().layout;
+        let moved: Vec<f64> = match theta.len() {
+            12.. if layout.range("rotation") == Some(0..9) => {
+                // The centre at depth / scale along its new line of sight.
+                let own = |i: usize| (0..3).map(|k| theta[3 * i + k] * [self.mean[0], self.mean[1], 1.0][k]).sum::<f64>();
+                let z = depth / scale;
+                let centre = [target[0] * z, target[1] * z, z];
+                let mut out = theta.to_vec();
+                (0..3).for_each(|i| out[9 + i] = centre[i] - own(i));
+                out
+            }
+            9 => {
+                let product = multiply3(&[scale, 0.0, shift[0], 0.0, scale, shift[1], 0.0, 0.0, 1.0], theta);
+                let norm = product.iter().map(|v| v * v).sum::<f64>().sqrt();
+                product.iter().map(|v| v / norm).collect()
+            }
+            6 => {
+                let mut out: Vec<f64> = theta.iter().map(|v| v * scale).collect();
+                (0..2).for_each(|d| out[4 + d] += shift[d]);
+                out
+            }
+            _ => theta.to_vec(),
+        };
+        let moved = self.registrar.held_at_start(&moved, theta);
+        if moved.iter().all(|v| v.is_finite()) { moved } else { theta.to_vec() }
     }
 
     /// Turn about the pattern's centre in the camera's axes, and move that centre.

@@ -54,25 +54,53 @@ fn place(at: f64, count: usize) -> f64 {
     (at + 0.5) / (count as f64 / 2.0) - 1.0
 }
 
-/// Fit the background of a dark pattern: pixels below the surface hardly count, those above little.
-pub fn surface(light: &Raster) -> Option<Surface> {
+/// Fit the background of a dark pattern: pixels below the surface hardly count, those above little, over-exposed ones not at all.
+///
+/// The rounds begin twice, from a fit of all pixels (a gradient of the light) and from a flat surface at `level` (a large region of
+/// another grey); the result that more pixels lie on is taken.
+pub fn surface(light: &Raster, level: f32, clipped: f32) -> Option<Surface> {
+    let samples = blocks(light, clipped);
+    if samples.len() < 12 {
+        return None;
+    }
+    let begins = [fit(&samples, &vec![1.0; samples.len()]), Some(Surface::constant(level))];
+    let found = begins.into_iter().flatten().filter_map(|begin| rounds(&samples, begin));
+    let on = |surface: &Surface| {
+        samples.iter().filter(|(u, v, value)| (value / surface.at(*u, *v).max(1e-6) - 1.0).abs() < 0.03).count()
+    };
+    found.reduce(|a, b| if on(&b) > on(&a) { b } else { a })
+}
+
+/// Return places and mean light of blocks without over-exposed pixels.
+fn blocks(light: &Raster, clipped: f32) -> Vec<(f64, f64, f64)> {
     let block = BLOCK.min(light.width() / 8).min(light.height() / 8).max(1);
     let mut samples = Vec::new();
     for y in (0..light.height() + 1 - block).step_by(block) {
         for x in (0..light.width() + 1 - block).step_by(block) {
-            let sum: f32 = (y..y + block).map(|row| light.row(row)[x..x + block].iter().sum::<f32>()).sum();
+            let (mut sum, mut cut) = (0.0, 0usize);
+            for row in y..y + block {
+                let part = &light.row(row)[x..x + block];
+                sum += part.iter().sum::<f32>();
+                cut += part.iter().filter(|value| **value >= clipped).count();
+            }
             let centre = (block as f64 - 1.0) / 2.0;
             let (u, v) = (place(x as f64 + centre, light.width()), place(y as f64 + centre, light.height()));
-            samples.push((u, v, f64::from(sum) / (block * block) as f64));
+            if cut * 50 <= block * block {
+                samples.push((u, v, f64::from(sum) / (block * block) as f64));
+            }
         }
     }
-    let mut weights = vec![1.0; samples.len()];
-    let mut found = None;
+    samples
+}
+
+/// Reweight from a surface until it rests.
+fn rounds(samples: &[(f64, f64, f64)], begin: Surface) -> Option<Surface> {
+    let mut weights = vec![0.0; samples.len()];
+    let mut found = begin;
     for _ in 0..ROUNDS {
-        let fitted = fit(&samples, &weights)?;
         let mut moved = 0.0_f64;
         for ((u, v, value), weight) in samples.iter().zip(&mut weights) {
-            let at = fitted.at(*u, *v).max(1e-6);
+            let at = found.at(*u, *v).max(1e-6);
             let distance = value / at - 1.0;
             let kept = if distance < -0.08 {
                 0.02
@@ -86,16 +114,16 @@ pub fn surface(light: &Raster) -> Option<Surface> {
             moved = moved.max((new - *weight).abs() / new);
             *weight = new;
         }
-        found = Some(fitted);
         if moved < 1e-3 {
             break;
         }
+        found = fit(samples, &weights)?;
     }
-    found
+    Some(found)
 }
 
 /// Fit the background's pixels that are away from the pattern, as a correction of a reflectance.
-pub fn refit(reflectance: &Raster, mask: &Mask) -> Option<Surface> {
+pub fn refit(reflectance: &Raster, light: &Raster, mask: &Mask, clipped: f32) -> Option<Surface> {
     let counts = counts(mask, 3);
     let mut samples = Vec::new();
     let (w, h) = (reflectance.width(), reflectance.height());
@@ -103,7 +131,8 @@ pub fn refit(reflectance: &Raster, mask: &Mask) -> Option<Surface> {
     for y in (0..h).step_by(step) {
         for x in (0..w).step_by(step) {
             let value = f64::from(reflectance.at(x, y));
-            if counts[y * w + x].0 == 0 && (0.85..1.2).contains(&value) {
+            let dim = light.at(x, y) < 0.94 * clipped;
+            if dim && counts[y * w + x].0 == 0 && (0.85..1.2).contains(&value) {
                 samples.push((place(x as f64, w), place(y as f64, h), value));
             }
         }
