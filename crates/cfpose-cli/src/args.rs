@@ -367,6 +367,9 @@ pub struct CellsArgs {
     /// Seed of the pairs
     #[arg(long, value_name = "K", default_value_t = 1)]
     pub seed: u64,
+    /// Write the images and truth.json to a folder instead of registering them
+    #[arg(long, value_name = "DIR")]
+    pub export: Option<PathBuf>,
     /// Write every pair as JSON to a file, or to standard output for -
     #[arg(long, value_name = "FILE|-")]
     pub json: Option<PathBuf>,

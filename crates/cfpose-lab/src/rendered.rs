@@ -6,8 +6,10 @@
 mod cells;
 mod measure;
 mod scene;
+mod sequence;
 mod shapes;
 
 pub use cells::{CELLS, RenderedCell};
 pub use measure::{RenderedRow, RenderedSummary, measure, summarise};
 pub use scene::{Hidden, RenderedTrial, draw};
+pub use sequence::{RenderedSequence, SEQUENCES, SequenceSummary, measure_sequence};

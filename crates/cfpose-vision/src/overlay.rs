@@ -54,7 +54,8 @@ pub fn contact_sheet(images: &[RgbImage]) -> RgbImage {
     let step = images.len().div_ceil(MOST).max(1);
     let chosen: Vec<&RgbImage> = images.iter().step_by(step).collect();
     let columns = (chosen.len() as f64).sqrt().ceil().max(1.0) as u32;
-    let heights = chosen.iter().map(|i| i.height() * SMALL / i.width().max(1)).max().unwrap_or(SMALL).clamp(1, 4 * SMALL);
+    let heights =
+        chosen.iter().map(|i| i.height() * SMALL / i.width().max(1)).max().unwrap_or(SMALL).clamp(1, 4 * SMALL);
     let rows = (chosen.len() as u32).div_ceil(columns);
     let mut sheet = RgbImage::from_pixel(columns * SMALL, rows.max(1) * heights, Rgb([255, 255, 255]));
     for (k, image) in (0u32..).zip(chosen) {
@@ -85,6 +86,8 @@ pub fn shares_to_png(raster: &crate::Raster) -> Result<Vec<u8>, Fault> {
 fn encode(bytes: &[u8], width: u32, height: u32, kind: ExtendedColorType) -> Result<Vec<u8>, Fault> {
     let mut out = Vec::new();
     let encoder = image::codecs::png::PngEncoder::new(&mut out);
-    encoder.write_image(bytes, width, height, kind).map_err(|error| Fault::Image(crate::error::one_line(&error.to_string())))?;
+    encoder
+        .write_image(bytes, width, height, kind)
+        .map_err(|error| Fault::Image(crate::error::one_line(&error.to_string())))?;
     Ok(out)
 }

@@ -42,6 +42,9 @@ pub enum SegmentError {
 pub struct Segmentation {
     /// Share of each pixel that the pattern covers, exactly 0 and 1 away from the boundary.
     pub coverage: Raster,
+    /// Share of each pixel that the pattern covers, not cut off at 0 and 1, up to 8 pixels from the boundary: what a noisy or blurred image
+    /// is smoothed from.
+    pub unbounded: Raster,
     /// The image divided by its background, oriented so that the pattern is darker than the background's 1.
     pub reflectance: Raster,
     /// Whether the pattern is darker than its background.
@@ -63,6 +66,9 @@ const BAND: usize = 3;
 
 /// Light from which a pixel counts as over-exposed.
 const CLIPPED: f32 = 0.99;
+
+/// The same for coverage that is to be smoothed.
+const WIDE_BAND: usize = 8;
 
 /// Smallest component, pixels, and as a share of the largest.
 const SMALLEST: (usize, f64) = (30, 0.02);
@@ -99,14 +105,25 @@ pub fn segment(light: &Raster, options: &SegmentOptions) -> Result<Segmentation,
     if let (true, Some(known)) = (dark && background_is_clipped(light, &mask), options.level) {
         outside = outside.max(inside / known.max(0.05));
     }
-    let noise = noise_of(light, &reflectance, &smooth, &mask) / (outside - inside).abs().max(1e-6);
-    let mut coverage = coverage(&reflectance, &mask, inside, outside);
+    let noise = noise_of(&reflectance, &smooth, &mask) / (outside - inside).abs().max(1e-6);
+    let unbounded = coverage(&reflectance, &mask, [inside, outside], WIDE_BAND, [-1.0, 2.0]);
+    let mut coverage = coverage(&reflectance, &mask, [inside, outside], BAND, [0.0, 1.0]);
     if dark {
         // What is cut off at the top is no part of a dark pattern.
         let cut_off = coverage.values_mut().iter_mut().zip(light.values()).filter(|(_, light)| **light >= CLIPPED);
         cut_off.for_each(|(share, _)| *share = 0.0);
     }
-    Ok(Segmentation { coverage, reflectance, dark, level: inside, threshold: middle, noise, components, others })
+    Ok(Segmentation {
+        coverage,
+        unbounded,
+        reflectance,
+        dark,
+        level: inside,
+        threshold: middle,
+        noise,
+        components,
+        others,
+    })
 }
 
 /// Divide by the background where that separates better; return reflectance, the same smoothed, and the threshold.
@@ -176,6 +193,11 @@ fn levels(reflectance: &Raster, mask: &Mask) -> Option<[f32; 2]> {
             outside.push(*value);
         }
     }
+    // The background is 1 by its surface; a large region of another grey is none of it.
+    let near: Vec<f32> = outside.iter().copied().filter(|value| (value - 1.0).abs() < 0.15).collect();
+    if near.len() * 20 > outside.len() {
+        outside = near;
+    }
     if inside.is_empty() {
         // A thin pattern: its darkest pixels.
         inside = reflectance.values().iter().zip(&mask.values).filter(|(_, m)| **m == 1).map(|(v, _)| *v).collect();
@@ -205,23 +227,22 @@ pub(crate) fn median(values: &mut [f32]) -> Option<f32> {
 }
 
 /// Estimate the noise of a reflectance by the median distance from its smoothed self, over the background.
-fn noise_of(light: &Raster, reflectance: &Raster, smooth: &Raster, mask: &Mask) -> f32 {
-    let _ = light;
+fn noise_of(reflectance: &Raster, smooth: &Raster, mask: &Mask) -> f32 {
     let rows = reflectance.values().iter().zip(smooth.values()).zip(&mask.values).step_by(7);
     let mut distances: Vec<f32> = rows.filter(|(_, m)| **m == 0).map(|((v, s), _)| (v - s).abs()).collect();
     // The rest after smoothing by [1, 4, 6, 4, 1] / 16 twice has 0.891 of the deviation.
     median(&mut distances).unwrap_or(0.0) * 1.4826 / 0.891
 }
 
-/// Return the share of each pixel between two levels, exactly 0 and 1 beyond the band.
-fn coverage(reflectance: &Raster, mask: &Mask, inside: f32, outside: f32) -> Raster {
-    let counts = counts(mask, BAND);
+/// Return the share of each pixel between two levels within bounds, exactly 0 and 1 beyond a band.
+fn coverage(reflectance: &Raster, mask: &Mask, [inside, outside]: [f32; 2], band: usize, bounds: [f32; 2]) -> Raster {
+    let counts = counts(mask, band);
     let scale = 1.0 / (outside - inside);
     let values = reflectance.values().iter().zip(&counts);
     let values = values.map(|(value, (count, full))| match *count {
         0 => 0.0,
         count if count == *full => 1.0,
-        _ => ((outside - value) * scale).clamp(0.0, 1.0),
+        _ => ((outside - value) * scale).clamp(bounds[0], bounds[1]),
     });
     Raster::from_values(reflectance.width(), reflectance.height(), values.collect())
         .unwrap_or_else(|| Raster::filled(reflectance.width(), reflectance.height(), 0.0))

@@ -4,7 +4,7 @@ mod frames;
 mod line;
 mod outputs;
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use cfpose::free::{Frame, find_columns};
@@ -29,8 +29,8 @@ pub(super) struct Setup {
     pub pattern: Pattern,
     pub units: Units,
     pub options: SegmentOptions,
-    /// Transfer function that the user gave, or that of the reference.
-    pub transfer: Option<Transfer>,
+    /// How light is written.
+    pub transfer: Transfer,
     pub seed: u64,
 }
 
@@ -50,13 +50,13 @@ pub fn run(args: &RegisterArgs, lab: &Lab) -> Result<(), Failure> {
     let names = frames::list(&args.frames)?;
     let inputs: Vec<_> = names.iter().chain([&args.reference]).cloned().collect();
     output::keep_apart(&inputs, &[args.json.as_deref()])?;
-    let setup = set_up(args, lab)?;
+    let setup = set_up(args, &names, lab)?;
     let times = frames::times(&names, args.fps);
     let mut outputs = Outputs::open(args.out.as_deref(), args.json.as_deref())?;
     let (mut last, mut usable, mut good): (Option<Vec<f64>>, usize, usize) = (None, 0, 0);
     for (number, name) in names.iter().enumerate() {
         let begun = Instant::now();
-        let done = register(&setup, args, name, last.as_deref());
+        let done = register(&setup, name, last.as_deref());
         let seconds = begun.elapsed().as_secs_f64();
         let line = Line::new(&setup, name, times[number], &done, seconds);
         usable += usize::from(line.verdict().usable());
@@ -73,17 +73,22 @@ pub fn run(args: &RegisterArgs, lab: &Lab) -> Result<(), Failure> {
         return Err(Failure::unusable("no frame shows the pattern; look at what `cfpose segment` finds on a frame"));
     }
     if args.strict && good < names.len() {
-        return Err(Failure::unusable(format!("--strict: {} of {} frames are not good", names.len() - good, names.len())));
+        return Err(Failure::unusable(format!(
+            "--strict: {} of {} frames are not good",
+            names.len() - good,
+            names.len()
+        )));
     }
     Ok(())
 }
 
 /// Read reference, cameras and model.
-fn set_up(args: &RegisterArgs, lab: &Lab) -> Result<Setup, Failure> {
+fn set_up(args: &RegisterArgs, names: &[PathBuf], lab: &Lab) -> Result<Setup, Failure> {
     let camera = args.camera.as_deref().map(|text| read_camera_flag("--camera", text)).transpose()?;
     let reference_camera =
         args.reference_camera.as_deref().map(|text| read_camera_flag("--reference-camera", text)).transpose()?;
-    let model = args.model.clone().unwrap_or_else(|| if camera.is_some() { "plane-bearing" } else { "homography" }.into());
+    let model =
+        args.model.clone().unwrap_or_else(|| if camera.is_some() { "plane-bearing" } else { "homography" }.into());
     let of_pixels = OF_PIXELS.contains(&model.as_str());
     if camera.is_none() && !of_pixels && lab.registry.models.iter().any(|entry| entry.name == model) {
         return Err(Failure::usage(format!(
@@ -114,14 +119,15 @@ fn set_up(args: &RegisterArgs, lab: &Lab) -> Result<Setup, Failure> {
     let picture = read_picture(&args.reference)?;
     let options = look(&args.look);
     let transfer = args.look.transfer.given();
-    let used = transfer.unwrap_or_else(|| guess_transfer(&picture, &options));
+    // One camera writes them all: the reference and the first frame that can be read tell how.
+    let first = names.iter().find_map(|name| read_picture(name).ok());
+    let pictures: Vec<&Picture> = std::iter::once(&picture).chain(&first).collect();
+    let used = transfer.unwrap_or_else(|| guess_transfer(&pictures, &options));
     let segmentation = segment(&picture.light(used), &options).map_err(|error| named(&error))?;
     let own = camera_for(reference_camera.or(camera), &picture, &model).map_err(|problem| named(&problem))?;
     let pattern = Pattern::new(&segmentation, own).map_err(|error| named(&error))?;
     let units = Units::new(&model, camera, own, &pattern, args.size);
-    // One camera: frames are written as the reference is, unless that is a mask.
-    let transfer = transfer.or((!picture.is_two_valued()).then_some(used));
-    Ok(Setup { registrar, pattern, units, options, transfer, seed: args.seed })
+    Ok(Setup { registrar, pattern, units, options, transfer: used, seed: args.seed })
 }
 
 /// Return the camera of an image: the one that was given, fitted to the image's size, or one that only makes pixels numbers of size 1.
@@ -138,13 +144,11 @@ fn camera_for(given: Option<Camera>, picture: &Picture, model: &str) -> Result<C
 }
 
 /// Read and register one frame; the reason where it shows nothing.
-fn register(setup: &Setup, args: &RegisterArgs, name: &Path, last: Option<&[f64]>) -> Result<Done, String> {
+fn register(setup: &Setup, name: &Path, last: Option<&[f64]>) -> Result<Done, String> {
     let picture = read_picture(name).map_err(|error| format!("{}{}", error.at, error.fault))?;
     let camera = camera_for(setup.units.camera, &picture, &setup.units.model)?;
     let options = SegmentOptions { level: Some(setup.pattern.level), find_others: true, ..setup.options };
-    let transfer = setup.transfer.unwrap_or_else(|| guess_transfer(&picture, &options));
-    let _ = args;
-    let segmentation = segment(&picture.light(transfer), &options).map_err(|error| error.to_string())?;
+    let segmentation = segment(&picture.light(setup.transfer), &options).map_err(|error| error.to_string())?;
     let view = View::new(&segmentation, camera).map_err(|error| error.to_string())?;
     let found = setup.registrar.register(&setup.pattern, &view, last, setup.seed);
     let mut found = found.ok_or("no pose brings the contour onto edges of the frame")?;

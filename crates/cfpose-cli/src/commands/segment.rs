@@ -19,7 +19,7 @@ const CONTOUR: [u8; 3] = [230, 30, 160];
 pub fn run(args: &SegmentArgs) -> Result<(), Failure> {
     let picture = read_picture(&args.image)?;
     let options = SegmentOptions { find_others: !args.reference, ..look(&args.look) };
-    let transfer = args.look.transfer.given().unwrap_or_else(|| guess_transfer(&picture, &options));
+    let transfer = args.look.transfer.given().unwrap_or_else(|| guess_transfer(&[&picture], &options));
     let named = |problem: &dyn std::fmt::Display| Failure::input(format!("{}: {problem}", args.image.display()));
     let found = segment(&picture.light(transfer), &options).map_err(|error| named(&error))?;
     let contours = contours_of(&found.coverage, 0.5);

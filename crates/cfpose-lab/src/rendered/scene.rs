@@ -12,7 +12,7 @@ use crate::seed::data_stream;
 
 /// Size of the images and their camera.
 pub(super) const SIZE: [usize; 2] = [640, 480];
-const CAMERA: Intrinsics = Intrinsics { fx: 600.0, fy: 600.0, cx: 319.5, cy: 239.5 };
+pub(super) const CAMERA: Intrinsics = Intrinsics { fx: 600.0, fy: 600.0, cx: 319.5, cy: 239.5 };
 
 /// What is hidden in the frame, or lies beside the pattern.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -99,7 +99,8 @@ pub fn draw(cell: &RenderedCell, seed: u64, number: u64) -> RenderedTrial {
     RenderedTrial { reference, frame, camera, truth, homography, test_places, hidden }
 }
 
-fn pixel(place: [f64; 2]) -> [f64; 2] {
+/// Return the pixel of a place of the plane z = 1.
+pub(super) fn pixel(place: [f64; 2]) -> [f64; 2] {
     [place[0] * CAMERA.fx + CAMERA.cx, place[1] * CAMERA.fy + CAMERA.cy]
 }
 

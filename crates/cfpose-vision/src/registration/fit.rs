@@ -5,12 +5,12 @@ use std::sync::Arc;
 use cfpose_optim::solvers::GaussNewton;
 use cfpose_optim::{Control, Manifold, Solver, Stopping};
 
-use super::{bend, edges};
 use super::mapper::Mapped;
 use super::pattern::Pattern;
 use super::problem::EdgeProblem;
 use super::registrar::{Outlined, Registrar};
 use super::view::View;
+use super::{bend, edges};
 
 /// Fewest edges of a fit.
 const FEWEST: usize = 12;
@@ -44,6 +44,8 @@ impl Schedule {
     pub const FAR: Self = Self { reaches: &[40.0, 25.0, 15.0, 10.0, 7.0, 5.0, 4.0, 3.0], steps: 3 };
     /// From another tilt that may fit as well.
     pub const TILT: Self = Self { reaches: &[6.0, 4.0, 3.0, 3.0], steps: 4 };
+    /// Where a fit stands that only the field changes under.
+    pub const LAST: Self = Self { reaches: &[4.0, 3.0], steps: 3 };
     /// From the last frame's pose.
     pub const TRACK: Self = Self { reaches: &[20.0, 12.0, 8.0, 5.0, 3.0], steps: 3 };
 }

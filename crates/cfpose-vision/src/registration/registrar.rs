@@ -29,6 +29,9 @@ const MOMENT_STARTS: usize = 12;
 /// Disturbed starts of the contour.
 const CONTOUR_STARTS: usize = 240;
 
+/// Standard deviation of an edge from which a frame is smoothed for the last fit, pixels.
+const NOISY: f64 = 0.08;
+
 /// Two tilts are two where the tangent step between them is longer than this.
 const SAME: f64 = 0.03;
 
@@ -184,8 +187,30 @@ impl Registrar {
         let accepted = hunt_accepts(pattern, view, &quality);
         let (theta, quality, rivals) = self.tilts(&outlined, pattern, view, theta, quality);
         let verdict = FrameVerdict::of(&quality, accepted, rivals.first().map(|rival| rival.ratio));
-        let covariance = self.covariance(&outlined, pattern, view, &theta, &quality);
+        let (theta, covariance) = self.settled(&outlined, pattern, view, theta, &quality);
         Some(Registered { theta, quality, verdict, covariance, rivals, starts, by, warnings: Vec::new() })
+    }
+
+    /// Fit once more on a smoothed frame where noise moves edges by more than a tenth of a pixel; return theta and its covariance.
+    fn settled(
+        &self,
+        outlined: &Outlined,
+        pattern: &Pattern,
+        view: &View,
+        theta: Vec<f64>,
+        quality: &Quality,
+    ) -> (Vec<f64>, Vec<f64>) {
+        if quality.expected > NOISY {
+            let smoothed = view.smoothed((0.7 * quality.blur).clamp(0.8, 2.5));
+            let fit = self.fit_outline(outlined, &smoothed, &theta, Schedule::LAST);
+            if let Some(fit) = fit.filter(|fit| self.is_plausible(pattern, &fit.theta)) {
+                let quality = self.quality_of(outlined, pattern, &smoothed, &fit.theta);
+                let covariance = self.covariance(outlined, pattern, &smoothed, &fit.theta, &quality);
+                return (fit.theta, covariance);
+            }
+        }
+        let covariance = self.covariance(outlined, pattern, view, &theta, quality);
+        (theta, covariance)
     }
 
     /// Fit the other thetas that the model implies; the best of all comes first.
@@ -297,7 +322,7 @@ pub(super) fn hunt_accepts(pattern: &Pattern, view: &View, quality: &Quality) ->
     let boundary = pattern.outline.spacing * pattern.outline.places.len() as f64;
     let slack = view.noise * 2.0 * boundary / pattern.area;
     let partly = quality.share > 0.45 && quality.one_sided() > 0.9972 - slack;
-    (complete && crisp(0.06)) || (partly && crisp(0.03))
+    (complete && crisp(0.04)) || (partly && crisp(0.01))
 }
 
 impl Hunt<'_> {

@@ -73,7 +73,8 @@ impl<'a> Disturbed<'a> {
         let moved: Vec<f64> = match theta.len() {
             12.. if layout.range("rotation") == Some(0..9) => {
                 // The centre at depth / scale along its new line of sight.
-                let own = |i: usize| (0..3).map(|k| theta[3 * i + k] * [self.mean[0], self.mean[1], 1.0][k]).sum::<f64>();
+                let own =
+                    |i: usize| (0..3).map(|k| theta[3 * i + k] * [self.mean[0], self.mean[1], 1.0][k]).sum::<f64>();
                 let z = depth / scale;
                 let centre = [target[0] * z, target[1] * z, z];
                 let mut out = theta.to_vec();

@@ -18,8 +18,8 @@ const SUPPORT: f64 = 0.6;
 /// Pixels by which an edge is wrong whatever the noise: the grid, 8 bits, the search.
 const FLOOR: f64 = 0.02;
 
-/// Pixels over which the errors of neighbouring edges are alike: by noise, by blur.
-const ALIKE: [f64; 2] = [2.0, 40.0];
+/// Pixels over which the shifts of neighbouring edges by blur are alike.
+const ALIKE: f64 = 40.0;
 
 /// Shift of a blurred edge that is left, per squared deviation of the blur, 1 / pixels: a third of what a curvature radius of 30 pixels makes.
 const BENT: f64 = 0.006;
@@ -94,7 +94,7 @@ impl Registrar {
         if jacobian.iter().any(|v| !v.is_finite()) {
             return none();
         }
-        let [noise, blur] = ALIKE.map(|pixels| (pixels / pattern.outline.spacing).max(1.0));
+        let [noise, blur] = [view.alike, ALIKE].map(|pixels| (pixels / pattern.outline.spacing).max(1.0));
         let random = (quality.expected.powi(2) + FLOOR.powi(2)) * noise;
         let variance = random + (BENT * quality.blur.powi(2)).powi(2) * blur;
         covariance(rows, m, &jacobian, variance, 1e-10).map_or_else(none, |c| c.matrix)

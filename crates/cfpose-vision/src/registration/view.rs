@@ -15,6 +15,10 @@ use crate::segment::Segmentation;
 pub struct View {
     /// Coverage, NaN where something else hides the pattern.
     pub field: Raster,
+    /// Coverage that is not cut off at 0 and 1.
+    unbounded: Raster,
+    /// Pixels over which neighbouring edges have alike noise.
+    pub alike: f64,
     /// Its camera.
     pub camera: Camera,
     /// Sum of the coverage, pixels.
@@ -51,13 +55,41 @@ impl View {
         } else {
             None
         };
-        let mut field = coverage.clone();
-        if let Some(hidden) = hidden {
-            field.values_mut().iter_mut().zip(hidden).filter(|(_, h)| **h).for_each(|(v, _)| *v = f32::NAN);
-        }
-        Ok(Self { field, camera, area, noise: f64::from(segmentation.noise), points, partly, hidden: hidden.is_some() })
+        let without_hidden = |mut field: Raster| {
+            if let Some(hidden) = hidden {
+                field.values_mut().iter_mut().zip(hidden).filter(|(_, h)| **h).for_each(|(v, _)| *v = f32::NAN);
+            }
+            field
+        };
+        let field = without_hidden(coverage.clone());
+        let unbounded = without_hidden(segmentation.unbounded.clone());
+        Ok(Self {
+            field,
+            unbounded,
+            alike: ALIKE,
+            camera,
+            area,
+            noise: f64::from(segmentation.noise),
+            points,
+            partly,
+            hidden: hidden.is_some(),
+        })
     }
 }
+
+impl View {
+    /// Return the frame with a smoothed field: for a last fit where noise moves edges more than the smoothing bends them.
+    #[must_use]
+    pub fn smoothed(&self, deviation: f64) -> Self {
+        // White noise under a Gaussian, and how far its correlation reaches.
+        let kept = 0.282 / deviation;
+        let field = self.unbounded.gaussian(deviation);
+        Self { field, noise: self.noise * kept.min(1.0), alike: (2.5 * deviation).max(self.alike), ..self.clone() }
+    }
+}
+
+/// Pixels over which neighbouring edges have alike noise where nothing is smoothed.
+const ALIKE: f64 = 2.0;
 
 /// Say whether a region reaches the frame's border.
 fn touches_border(coverage: &Raster) -> bool {

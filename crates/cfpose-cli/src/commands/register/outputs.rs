@@ -37,9 +37,8 @@ impl Outputs {
     /// # Errors
     /// What the operating system says, with the file's name.
     pub fn open(folder: Option<&Path>, json: Option<&Path>) -> Result<Self, Failure> {
-        let create = |path: PathBuf| {
-            File::create(&path).map_err(|error| Failure::input(format!("{}: {error}", path.display())))
-        };
+        let create =
+            |path: PathBuf| File::create(&path).map_err(|error| Failure::input(format!("{}: {error}", path.display())));
         let standard = output::is_standard(json);
         let lines = json.filter(|_| !standard).map(|path| create(path.to_path_buf())).transpose()?;
         let mut outputs = Self {
@@ -100,10 +99,13 @@ impl Outputs {
         let v = &line.value;
         let field = |value: &Value| if value.is_null() { String::new() } else { value.to_string() };
         let list = |values: &[f64]| values.iter().map(|v| format!("{v:?}")).collect::<Vec<_>>().join(",");
-        let pose = line.pose.map_or_else(|| ",,,,,".to_string(), |pose| {
-            let turn = cfpose_optim::manifold::rotation_log(&pose.rotation);
-            format!("{},{}", list(&pose.translation), list(&turn))
-        });
+        let pose = line.pose.map_or_else(
+            || ",,,,,".to_string(),
+            |pose| {
+                let turn = cfpose_optim::manifold::rotation_log(&pose.rotation);
+                format!("{},{}", list(&pose.translation), list(&turn))
+            },
+        );
         let name = if line.name.contains([',', '"']) { format!("{:?}", line.name) } else { line.name.clone() };
         writeln!(
             file,
@@ -130,7 +132,8 @@ impl Outputs {
             let _ = first;
             axes(&mut image, setup, done, &pose);
         }
-        let stem = Path::new(&line.name).file_stem().map_or_else(|| "frame".into(), |s| s.to_string_lossy().into_owned());
+        let stem =
+            Path::new(&line.name).file_stem().map_or_else(|| "frame".into(), |s| s.to_string_lossy().into_owned());
         let path = folder.join("overlay").join(format!("{stem}.png"));
         let bytes = to_png(&image).map_err(|fault| Failure::input(format!("{}: {fault}", path.display())))?;
         std::fs::write(&path, bytes).map_err(|error| Failure::input(format!("{}: {error}", path.display())))?;
