@@ -25,8 +25,7 @@ fn lines(run: &Run) -> Vec<Value> {
 /// Return the mean reprojection error over the test places, pixels.
 fn error(line: &Value, trial: &RenderedTrial) -> f64 {
     let rows = line["homography"].as_array().unwrap().iter();
-    let numbers: Vec<f64> =
-        rows.flat_map(|row| row.as_array().unwrap()).map(|value| value.as_f64().unwrap()).collect();
+    let numbers: Vec<f64> = rows.flat_map(|row| row.as_array().unwrap()).map(|value| value.as_f64().unwrap()).collect();
     let h: [f64; 9] = numbers.try_into().unwrap();
     let apply = cfpose::homography::apply;
     let distance = |p: &[f64; 2]| {
@@ -41,7 +40,8 @@ fn frames_become_poses_pictures_and_rows() {
     let desk = Desk::new();
     let trial = write(&desk, "clean25", 1);
     desk.write("broken.png", "no image");
-    let run = desk.run(&format!("register reference.png frame.png broken.png frame.png {CAMERA} --json - --out out --fps 10"));
+    let run = desk
+        .run(&format!("register reference.png frame.png broken.png frame.png {CAMERA} --json - --out out --fps 10"));
     assert_eq!(run.code, 0, "{}", run.err);
     let lines = lines(&run);
     assert_eq!(lines.len(), 3);
@@ -88,7 +88,7 @@ fn models_without_a_camera_and_wrong_input_say_what_they_are() {
 #[test]
 fn segment_shows_what_is_taken_for_the_pattern() {
     let desk = Desk::new();
-    write(&desk, "grey20", 0);
+    write(&desk, "blob20", 0);
     let value = desk.json("segment frame.png --out seen --transfer linear");
     assert_eq!(value["pattern"], "dark");
     assert!((value["level"].as_f64().unwrap() - 0.3).abs() < 0.02, "{value}");

@@ -11,5 +11,5 @@ mod shapes;
 
 pub use cells::{CELLS, RenderedCell};
 pub use measure::{RenderedRow, RenderedSummary, measure, summarise};
-pub use scene::{Hidden, RenderedTrial, draw};
+pub use scene::{Hidden, RenderedTrial, draw, draw_from};
 pub use sequence::{RenderedSequence, SEQUENCES, SequenceSummary, measure_sequence};

@@ -53,8 +53,10 @@ pub struct Segmentation {
     pub level: f32,
     /// Threshold in `reflectance`.
     pub threshold: f32,
-    /// Standard deviation of the coverage by noise.
+    /// Standard deviation of the coverage by noise; of an image without mixed pixels that of a place within a pixel.
     pub noise: f32,
+    /// Whether most of the background is over-exposed.
+    pub overexposed: bool,
     /// Components, largest first.
     pub components: Vec<Component>,
     /// Pixels that show neither pattern nor background, grown by a margin; none where all are explained.
@@ -66,6 +68,9 @@ const BAND: usize = 3;
 
 /// Light from which a pixel counts as over-exposed.
 const CLIPPED: f32 = 0.99;
+
+/// Standard deviation of a place within a pixel, 1 / sqrt(12).
+const GRID: f32 = 0.289;
 
 /// The same for coverage that is to be smoothed.
 const WIDE_BAND: usize = 8;
@@ -102,7 +107,8 @@ pub fn segment(light: &Raster, options: &SegmentOptions) -> Result<Segmentation,
     }
     let [inside, mut outside] = levels(&reflectance, &mask).unwrap_or([pattern, first[1]]);
     // An over-exposed background: its light follows from the pattern's and the reference.
-    if let (true, Some(known)) = (dark && background_is_clipped(light, &mask), options.level) {
+    let overexposed = dark && background_is_clipped(light, &mask);
+    if let (true, Some(known)) = (overexposed, options.level) {
         outside = outside.max(inside / known.max(0.05));
     }
     let noise = noise_of(&reflectance, &smooth, &mask) / (outside - inside).abs().max(1e-6);
@@ -113,7 +119,9 @@ pub fn segment(light: &Raster, options: &SegmentOptions) -> Result<Segmentation,
         let cut_off = coverage.values_mut().iter_mut().zip(light.values()).filter(|(_, light)| **light >= CLIPPED);
         cut_off.for_each(|(share, _)| *share = 0.0);
     }
+    let noise = if has_mixed_pixels(&coverage) { noise } else { noise.max(GRID) };
     Ok(Segmentation {
+        overexposed,
         coverage,
         unbounded,
         reflectance,
@@ -203,6 +211,18 @@ fn levels(reflectance: &Raster, mask: &Mask) -> Option<[f32; 2]> {
         inside = reflectance.values().iter().zip(&mask.values).filter(|(_, m)| **m == 1).map(|(v, _)| *v).collect();
     }
     Some([median(&mut inside)?, median(&mut outside)?])
+}
+
+/// Say whether the boundary has pixels that are covered in part: one in five steps between neighbours or more.
+fn has_mixed_pixels(coverage: &Raster) -> bool {
+    let (mut steps, mut mixed) = (0usize, 0usize);
+    for y in 0..coverage.height() {
+        for pair in coverage.row(y).windows(2) {
+            steps += usize::from((pair[0] > 0.5) != (pair[1] > 0.5));
+            mixed += usize::from((0.1..0.9).contains(&pair[0]));
+        }
+    }
+    5 * mixed > steps
 }
 
 /// Say whether most of the background is over-exposed.

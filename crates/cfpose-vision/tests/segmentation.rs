@@ -1,7 +1,8 @@
 //! From images to coverage: thresholds, light, occluders, clipping, bad input.
 
 use cfpose_vision::{
-    Exposure, Foreground, Patch, Picture, SegmentError, SegmentOptions, Transfer, contours_of, coverage, render, segment,
+    Exposure, Foreground, Patch, Picture, SegmentError, SegmentOptions, Transfer, contours_of, coverage, render,
+    segment,
 };
 use rand_chacha::ChaCha12Rng;
 use rand_chacha::rand_core::SeedableRng;
@@ -22,7 +23,8 @@ fn coverage_is_that_of_the_polygon_under_uneven_light() {
     let disc = Patch { polygon, grey: 60.0 };
     for gradient in [0.0, 0.4] {
         let exposure = Exposure { gradient, blur: 0.0, noise: 1.0, ..Exposure::default() };
-        let found = segment(&shot(&[disc.clone()], &exposure).light(Transfer::Linear), &SegmentOptions::default()).unwrap();
+        let found =
+            segment(&shot(&[disc.clone()], &exposure).light(Transfer::Linear), &SegmentOptions::default()).unwrap();
         let pairs = found.coverage.values().iter().zip(exact.values());
         let worst = pairs.map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
         assert!(found.dark && worst < 0.08, "gradient {gradient}: {worst}");

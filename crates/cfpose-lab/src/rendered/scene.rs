@@ -8,7 +8,7 @@ use rand_chacha::ChaCha12Rng;
 
 use super::cells::RenderedCell;
 use super::shapes;
-use crate::seed::data_stream;
+use crate::seed::{data_stream, fnv1a};
 
 /// Size of the images and their camera.
 pub(super) const SIZE: [usize; 2] = [640, 480];
@@ -66,16 +66,18 @@ pub struct RenderedTrial {
     pub hidden: f64,
 }
 
-/// Draw a trial.
+/// Draw a trial of a cell from its name, a seed and its number.
 pub fn draw(cell: &RenderedCell, seed: u64, number: u64) -> RenderedTrial {
-    let name =
-        cell.name.bytes().fold(0xcbf2_9ce4_8422_2325_u64, |h, b| (h ^ u64::from(b)).wrapping_mul(0x0100_0000_01b3));
-    let mut rng = data_stream(seed ^ name, number);
+    draw_from(cell, &mut data_stream(seed ^ fnv1a(cell.name.as_bytes()), number))
+}
+
+/// Draw a trial from a stream: shape, inner shapes, pose, noise of the reference, what is hidden, light, noise, test places.
+pub fn draw_from(cell: &RenderedCell, rng: &mut ChaCha12Rng) -> RenderedTrial {
     let greys = matches!(cell.hidden, Hidden::Greys { .. });
-    let outline = shapes::draw(&mut rng, cell.radius / CAMERA.fx);
-    let patches = if greys { four_greys(&mut rng, &outline) } else { vec![(outline.clone(), 60.0)] };
+    let outline = shapes::draw(rng, cell.radius / CAMERA.fx);
+    let patches = if greys { four_greys(rng, &outline) } else { vec![(outline.clone(), 60.0)] };
     let background = if greys { 220.0 } else { 200.0 };
-    let truth = pose(&mut rng, cell, &outline);
+    let truth = pose(rng, cell, &outline);
     let homography = homography_of(&truth);
     let still = Exposure { background, ..Exposure::default() };
     let paint = |h: &[f64; 9]| -> Vec<Patch> {
@@ -88,13 +90,13 @@ pub fn draw(cell: &RenderedCell, seed: u64, number: u64) -> RenderedTrial {
         SIZE[1],
         &paint(&[1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0]),
         &Exposure { transfer, ..still },
-        &mut rng,
+        rng,
     );
     let mut scene = paint(&homography);
     let whole = scene[0].polygon.clone();
-    let hidden = hide(&mut rng, cell.hidden, &whole, &mut scene);
-    let frame = render(SIZE[0], SIZE[1], &scene, &Exposure { background, ..cell.exposure }, &mut rng);
-    let test_places = test_places(&mut rng, &outline);
+    let hidden = hide(rng, cell.hidden, &whole, &mut scene);
+    let frame = render(SIZE[0], SIZE[1], &scene, &Exposure { background, ..cell.exposure }, rng);
+    let test_places = test_places(rng, &outline);
     let camera = Camera::new(CAMERA.fx, CAMERA.fy, CAMERA.cx, CAMERA.cy).unwrap_or(Camera::IDENTITY);
     RenderedTrial { reference, frame, camera, truth, homography, test_places, hidden }
 }

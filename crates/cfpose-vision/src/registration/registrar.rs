@@ -347,6 +347,12 @@ impl Hunt<'_> {
             }
         }
         let visible = self.view.partly.is_some();
+        for k in [4, 2, 6, 1, 7, 3, 5] {
+            let start = disturbed.turned(&centred, f64::from(k) * std::f64::consts::FRAC_PI_4);
+            if self.moments(&start, visible, "moments-turned") {
+                return;
+            }
+        }
         for k in 0..MOMENT_STARTS {
             let base = if k % 2 == 0 { &centred } else { &identity };
             let start = disturbed.near(base, if k < 6 { 1.0 } else { 1.6 });

@@ -58,6 +58,22 @@ impl<'a> Disturbed<'a> {
         self.registrar.held_at_start(&disturbed, theta)
     }
 
+    /// Return a theta after a turn of the pattern in its plane about its centre, radians.
+    pub fn turned(&self, theta: &[f64], angle: f64) -> Vec<f64> {
+        let layout = &self.registrar.model().layout;
+        let (sine, cosine) = angle.sin_cos();
+        let turned = match theta.len() {
+            12.. if layout.range("rotation") == Some(0..9) => {
+                // The draw of an angle in the plane that `pose` multiplies.
+                self.pose(theta, &[0.0, 0.0, angle / (0.6 * ANGLE), 0.0, 0.0, 0.0], 1.0)
+            }
+            9 => self.homography_by(theta, [cosine, -sine, sine, cosine], [0.0; 2]),
+            6 => self.affine_by(theta, [cosine, -sine, sine, cosine], [0.0; 2]),
+            _ => theta.to_vec(),
+        };
+        self.registrar.held_at_start(&turned, theta)
+    }
+
     /// Move and scale a theta so that the pattern's centre and area are those of the frame's region; fixed parameters stay.
     pub fn centred(&self, theta: &[f64], view: &super::view::View) -> Vec<f64> {
         let target = view.points[0].mean();
@@ -112,12 +128,16 @@ impl<'a> Disturbed<'a> {
         out
     }
 
-    /// Disturb a homography by an affine map about the pattern's centre and a little perspective.
+    /// Disturb a homography by an affine map about the pattern's centre.
     fn homography(&self, theta: &[f64], draws: &[f64; 6], scale: f64) -> Vec<f64> {
         let e = 0.15 * scale;
+        let change = [1.0 + e * draws[0], e * draws[1], e * draws[2], 1.0 + e * draws[3]];
+        self.homography_by(theta, change, [4, 5].map(|k: usize| 0.4 * self.size * scale * draws[k]))
+    }
+
+    /// Apply a linear map about the pattern's centre, and a shift, before a homography.
+    fn homography_by(&self, theta: &[f64], [a, b, c, d]: [f64; 4], shift: [f64; 2]) -> Vec<f64> {
         let m = self.mean;
-        let (a, b, c, d) = (1.0 + e * draws[0], e * draws[1], e * draws[2], 1.0 + e * draws[3]);
-        let shift = [0.4 * self.size * scale * draws[4], 0.4 * self.size * scale * draws[5]];
         let matrix = [
             a,
             b,
@@ -129,7 +149,7 @@ impl<'a> Disturbed<'a> {
             0.0,
             1.0,
         ];
-        let product = multiply3(&[0, 1, 2, 3, 4, 5, 6, 7, 8].map(|k: usize| theta[k]), &matrix);
+        let product = multiply3(&theta[..9], &matrix);
         let norm = product.iter().map(|v| v * v).sum::<f64>().sqrt();
         product.iter().map(|v| v / norm).collect()
     }
@@ -138,14 +158,18 @@ impl<'a> Disturbed<'a> {
     fn affine(&self, theta: &[f64], draws: &[f64; 6], scale: f64) -> Vec<f64> {
         let e = 0.25 * scale;
         let change = [1.0 + e * draws[0], e * draws[1], e * draws[2], 1.0 + e * draws[3]];
+        self.affine_by(theta, change, [4, 5].map(|k: usize| 0.3 * self.size * scale * draws[k]))
+    }
+
+    /// Apply a linear map about the pattern's centre before an affine one, and a shift after it.
+    fn affine_by(&self, theta: &[f64], change: [f64; 4], shift: [f64; 2]) -> Vec<f64> {
         let mut out = vec![0.0; 6];
         for i in 0..2 {
             for j in 0..2 {
                 out[2 * i + j] = (0..2).map(|k| theta[2 * i + k] * change[2 * k + j]).sum();
             }
             let centre = theta[2 * i] * self.mean[0] + theta[2 * i + 1] * self.mean[1] + theta[4 + i];
-            let moved = 0.3 * self.size * scale * draws[4 + i];
-            out[4 + i] = centre + moved - out[2 * i] * self.mean[0] - out[2 * i + 1] * self.mean[1];
+            out[4 + i] = centre + shift[i] - out[2 * i] * self.mean[0] - out[2 * i + 1] * self.mean[1];
         }
         out
     }

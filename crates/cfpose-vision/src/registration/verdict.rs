@@ -21,8 +21,8 @@ const FLOOR: f64 = 0.02;
 /// Pixels over which the shifts of neighbouring edges by blur are alike.
 const ALIKE: f64 = 40.0;
 
-/// Shift of a blurred edge that is left, per squared deviation of the blur, 1 / pixels: a third of what a curvature radius of 30 pixels makes.
-const BENT: f64 = 0.006;
+/// Shift of a blurred edge that is left, per squared deviation of the blur, 1 / pixels: a quarter of what a curvature radius of 30 pixels makes.
+const BENT: f64 = 0.004;
 
 /// Verdict on a frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -96,7 +96,7 @@ impl Registrar {
         }
         let [noise, blur] = [view.alike, ALIKE].map(|pixels| (pixels / pattern.outline.spacing).max(1.0));
         let random = (quality.expected.powi(2) + FLOOR.powi(2)) * noise;
-        let variance = random + (BENT * quality.blur.powi(2)).powi(2) * blur;
+        let variance = random + ((BENT * quality.blur.powi(2)).powi(2) + view.shift.powi(2)) * blur;
         covariance(rows, m, &jacobian, variance, 1e-10).map_or_else(none, |c| c.matrix)
     }
 }

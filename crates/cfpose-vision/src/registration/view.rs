@@ -19,6 +19,8 @@ pub struct View {
     unbounded: Raster,
     /// Pixels over which neighbouring edges have alike noise.
     pub alike: f64,
+    /// Standard deviation of a shift of all edges alike: over-exposure.
+    pub shift: f64,
     /// Its camera.
     pub camera: Camera,
     /// Sum of the coverage, pixels.
@@ -63,10 +65,12 @@ impl View {
         };
         let field = without_hidden(coverage.clone());
         let unbounded = without_hidden(segmentation.unbounded.clone());
+        let shift = if segmentation.overexposed { OVEREXPOSED } else { 0.0 };
         Ok(Self {
             field,
             unbounded,
             alike: ALIKE,
+            shift,
             camera,
             area,
             noise: f64::from(segmentation.noise),
@@ -81,12 +85,15 @@ impl View {
     /// Return the frame with a smoothed field: for a last fit where noise moves edges more than the smoothing bends them.
     #[must_use]
     pub fn smoothed(&self, deviation: f64) -> Self {
-        // White noise under a Gaussian, and how far its correlation reaches.
+        // White noise under a Gaussian s: 1 / (2 sqrt(pi) s) of its deviation, alike over 2 sqrt(pi) s along a line.
         let kept = 0.282 / deviation;
         let field = self.unbounded.gaussian(deviation);
-        Self { field, noise: self.noise * kept.min(1.0), alike: (2.5 * deviation).max(self.alike), ..self.clone() }
+        Self { field, noise: self.noise * kept.min(1.0), alike: (3.54 * deviation).max(self.alike), ..self.clone() }
     }
 }
+
+/// Shift of the edges of an over-exposed frame, pixels.
+const OVEREXPOSED: f64 = 0.05;
 
 /// Pixels over which neighbouring edges have alike noise where nothing is smoothed.
 const ALIKE: f64 = 2.0;
