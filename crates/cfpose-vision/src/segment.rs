@@ -69,6 +69,11 @@ const BAND: usize = 3;
 /// Light from which a pixel counts as over-exposed.
 const CLIPPED: f32 = 0.99;
 
+/// Least difference of pattern and background, as a share of the background, and most noise as a share of that difference: below and above,
+/// a threshold splits noise.
+const LEAST_CONTRAST: f32 = 0.02;
+const MOST_NOISE: f32 = 0.4;
+
 /// Standard deviation of a place within a pixel, 1 / sqrt(12).
 const GRID: f32 = 0.289;
 
@@ -119,6 +124,9 @@ pub fn segment(light: &Raster, options: &SegmentOptions) -> Result<Segmentation,
         let cut_off = coverage.values_mut().iter_mut().zip(light.values()).filter(|(_, light)| **light >= CLIPPED);
         cut_off.for_each(|(share, _)| *share = 0.0);
     }
+    if (outside - inside).abs() < LEAST_CONTRAST || noise > MOST_NOISE {
+        return Err(SegmentError::OneColour);
+    }
     let noise = if has_mixed_pixels(&coverage) { noise } else { noise.max(GRID) };
     Ok(Segmentation {
         overexposed,
@@ -156,7 +164,7 @@ fn flatten(
     }
     let level = plain.above.max(1e-6);
     let surface = background::surface(light, level, CLIPPED).filter(|surface| {
-        let values = surface.on_grid(light.width(), light.height());
+        let values = surface.on_grid();
         values.iter().all(|v| *v > 0.1 * level && *v < 10.0 * level)
     });
     let surface = match surface {

@@ -254,8 +254,7 @@ fn clutter(rng: &mut ChaCha12Rng, cover: &cfpose_vision::Raster, wanted: f64, sc
         let polygon = shapes::ellipse(centre, radii, rng.random_range(0.0..std::f64::consts::PI));
         let own = coverage(&polygon, cover.width(), cover.height());
         let (mut inside, mut all) = (0usize, 0usize);
-        for (v, c) in own.values().iter().zip(cover.values()).filter(|(v, _)| **v > 0.0) {
-            let _ = v;
+        for (_, c) in own.values().iter().zip(cover.values()).filter(|(v, _)| **v > 0.0) {
             all += 1;
             inside += usize::from(*c > 0.5);
         }

@@ -276,14 +276,13 @@ impl Registrar {
         else {
             return f64::INFINITY;
         };
-        let (mut sum, mut count) = (0.0, 0.0);
-        for (a, b) in there.distances.iter().zip(&here.distances).filter(|(a, _)| a.abs() < 1.5) {
-            let _ = a;
+        let (mut sum, mut count) = (0.0_f64, 0.0);
+        for (_, b) in there.distances.iter().zip(&here.distances).filter(|(a, _)| a.abs() < 1.5) {
             let distance = if b.is_nan() { MOST } else { b.clamp(-MOST, MOST) };
             sum += distance * distance;
             count += 1.0;
         }
-        if count > 0.0 { (sum / count as f64).sqrt() } else { f64::INFINITY }
+        if count > 0.0 { (sum / count).sqrt() } else { f64::INFINITY }
     }
 
     /// Say whether a theta shows the pattern from its front, whole before the camera and at a reasonable size.

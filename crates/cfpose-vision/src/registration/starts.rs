@@ -49,9 +49,9 @@ impl<'a> Disturbed<'a> {
             6 => self.affine(theta, &draws, scale),
             _ => {
                 let manifold = layout.manifold();
-                let step: Vec<f64> = draws.iter().map(|d| 0.1 * scale * d).chain(std::iter::repeat(0.0)).collect();
+                let step: Vec<f64> = (0..manifold.tangent()).map(|j| 0.1 * scale * draws[j % draws.len()]).collect();
                 let mut out = vec![0.0; theta.len()];
-                manifold.retract(theta, &step[..manifold.tangent()], &mut out);
+                manifold.retract(theta, &step, &mut out);
                 out
             }
         };

@@ -27,7 +27,7 @@ impl Surface {
     }
 
     /// Return values on a coarse grid over the image, corners included.
-    pub fn on_grid(&self, _width: usize, _height: usize) -> Vec<f32> {
+    pub fn on_grid(&self) -> Vec<f32> {
         let ticks = (0..=8).map(|k| f64::from(k) / 4.0 - 1.0);
         ticks.clone().flat_map(|y| ticks.clone().map(move |x| self.at(x, y) as f32)).collect()
     }
@@ -141,7 +141,7 @@ pub fn refit(reflectance: &Raster, light: &Raster, mask: &Mask, clipped: f32) ->
         return None;
     }
     let fitted = fit(&samples, &vec![1.0; samples.len()])?;
-    let even = fitted.on_grid(w, h).iter().all(|value| (0.7..1.4).contains(value));
+    let even = fitted.on_grid().iter().all(|value| (0.7..1.4).contains(value));
     even.then_some(fitted)
 }
 

@@ -128,8 +128,7 @@ impl Outputs {
         let places = setup.registrar.outline_in(&setup.pattern, done.camera, theta);
         let longest = 6.0 * setup.pattern.outline.spacing + 6.0;
         draw_line(&mut image, &places, longest, colour_of(line.verdict()));
-        if let (Some(pose), Some(first)) = (line.pose, setup.pattern.outline.places.first()) {
-            let _ = first;
+        if let Some(pose) = line.pose {
             axes(&mut image, setup, done, &pose);
         }
         let stem =
