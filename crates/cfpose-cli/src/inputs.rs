@@ -21,6 +21,7 @@ use crate::args::{FrameName, ProblemArgs, Reflections};
 use crate::failure::{Failure, Kind, is_wrong_name};
 use crate::{output, starts};
 
+pub use cameras::camera as read_camera_flag;
 pub use files::read;
 pub use weights::with_files;
 

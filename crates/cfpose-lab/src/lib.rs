@@ -26,6 +26,7 @@ pub mod paired;
 pub mod plan;
 pub mod plot;
 pub mod record;
+pub mod rendered;
 pub mod report;
 pub mod run;
 mod sampling;

@@ -24,11 +24,11 @@ pub use lens::Lens;
 /// assert!(Camera::new(0.0, 1.0, 0.0, 0.0).is_none());
 /// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Camera(Intrinsics, Lens);
+pub struct Camera(Intrinsics, Lens, Option<[usize; 2]>);
 
 impl Camera {
     /// The camera that leaves image points as they are.
-    pub const IDENTITY: Self = Self(Intrinsics { fx: 1.0, fy: 1.0, cx: 0.0, cy: 0.0 }, Lens::None);
+    pub const IDENTITY: Self = Self(Intrinsics { fx: 1.0, fy: 1.0, cx: 0.0, cy: 0.0 }, Lens::None, None);
 
     /// Return the focal length in pixels, the geometric mean of both.
     ///
@@ -43,7 +43,7 @@ impl Camera {
     /// length is not positive.
     pub fn new(fx: f64, fy: f64, cx: f64, cy: f64) -> Option<Self> {
         let valid = [fx, fy, cx, cy].iter().all(|v| v.is_finite()) && fx > 0.0 && fy > 0.0;
-        valid.then_some(Self(Intrinsics { fx, fy, cx, cy }, Lens::None))
+        valid.then_some(Self(Intrinsics { fx, fy, cx, cy }, Lens::None, None))
     }
 
     /// Put a lens before the camera.
@@ -61,7 +61,41 @@ impl Camera {
     /// ```
     #[must_use]
     pub fn with_lens(self, lens: Lens) -> Self {
-        Self(self.0, lens)
+        Self(self.0, lens, self.2)
+    }
+
+    /// State for which width and height of images, in pixels, the numbers hold.
+    #[must_use]
+    pub fn with_size(self, size: Option<[usize; 2]>) -> Self {
+        Self(self.0, self.1, size)
+    }
+
+    /// Return the camera for images of a size: the same where it is the one that the numbers hold for or none is known, scaled where one is
+    /// an exact multiple of the other.
+    ///
+    /// # Errors
+    /// One sentence that names both sizes.
+    ///
+    /// ```
+    /// let camera = cfpose_vision::Camera::new(600.0, 600.0, 319.5, 239.5).unwrap().with_size(Some([640, 480]));
+    /// // Pixel centres at integers: the corner of the image at -0.5 stays where it is.
+    /// assert_eq!(camera.for_size(320, 240).unwrap().intrinsics().cx, 159.5);
+    /// assert!(camera.for_size(640, 360).unwrap_err().contains("640 x 480"));
+    /// ```
+    pub fn for_size(self, width: usize, height: usize) -> Result<Self, String> {
+        let Some([w, h]) = self.2 else { return Ok(self) };
+        let whole = |a: usize, b: usize| a > 0 && b.is_multiple_of(a);
+        let same = w * height == h * width;
+        if !same || !(whole(w, width) || whole(width, w)) {
+            return Err(format!(
+                "the image has {width} x {height} pixels, the camera was calibrated for {w} x {h}; give the camera of this size"
+            ));
+        }
+        let scale = width as f64 / w as f64;
+        let k = self.0;
+        let moved = |c: f64| (c + 0.5) * scale - 0.5;
+        let k = Intrinsics { fx: k.fx * scale, fy: k.fy * scale, cx: moved(k.cx), cy: moved(k.cy) };
+        Ok(Self(k, self.1, Some([width, height])))
     }
 
     /// Return the lens.
@@ -72,6 +106,19 @@ impl Camera {
     /// Return the numbers.
     pub fn intrinsics(&self) -> Intrinsics {
         self.0
+    }
+
+    /// Return the pixel in which a place of the plane z = 1 is seen.
+    #[inline]
+    pub fn pixel_of(self, place: [f64; 2]) -> [f64; 2] {
+        let [x, y] = self.1.distort(place);
+        [self.0.fx * x + self.0.cx, self.0.fy * y + self.0.cy]
+    }
+
+    /// Return the place of the plane z = 1 that is seen in a pixel; `None` where the lens shows none.
+    #[inline]
+    pub fn place_of(self, pixel: [f64; 2]) -> Option<[f64; 2]> {
+        self.1.undistort([(pixel[0] - self.0.cx) / self.0.fx, (pixel[1] - self.0.cy) / self.0.fy])
     }
 
     /// Return the points (x, y) of pixels (u, v), weights with them: ((u - cx) / fx, (v - cy) / fy) where there is no lens.

@@ -1,5 +1,6 @@
 //! One file for each command.
 
+mod cells;
 mod check;
 mod conformance;
 mod demo;
@@ -9,8 +10,10 @@ mod evaluate;
 mod learn;
 mod list;
 mod pose;
+mod register;
 mod results;
 mod run;
+mod segment;
 mod shell;
 
 use cfpose_lab::Lab;
@@ -28,6 +31,9 @@ pub fn run(command: &Command, lab: &Lab) -> Result<(), Failure> {
         Command::Estimate(args) => estimate::run(args, lab),
         Command::Evaluate(args) => evaluate::run(args, lab),
         Command::List(args) => list::run(args, lab),
+        Command::Register(args) => register::run(args, lab),
+        Command::Segment(args) => segment::run(args),
+        Command::Cells(args) => cells::run(args),
         Command::Check(args) => check::run(args, lab),
         Command::Run(args) => run::run(args, lab),
         Command::Status(args) => results::status(args, lab),

@@ -41,7 +41,11 @@ fn split(text: &str) -> (&Path, Option<&str>) {
     }
 }
 
-fn camera(flag: &str, text: &str) -> Result<Camera, Failure> {
+/// Read the camera that a flag names: numbers, or a file.
+///
+/// # Errors
+/// Usage for numbers that are no camera, input for a file.
+pub fn camera(flag: &str, text: &str) -> Result<Camera, Failure> {
     let complain = |more: &str| {
         Failure::usage(format!("{flag} is `{text}`; give fx,fy,cx,cy in pixels, focal lengths above 0{more}"))
     };

@@ -4,9 +4,11 @@ mod cloud3;
 mod hunt_planar;
 mod hunt_space;
 mod planar_curve;
+mod rendered_pattern;
 
 pub use crate::curves;
 use crate::scenario::ScenarioEntry;
 
 /// All scenarios of the laboratory.
-pub const ALL: &[&ScenarioEntry] = &[&planar_curve::ENTRY, &cloud3::ENTRY, &hunt_planar::ENTRY, &hunt_space::ENTRY];
+pub const ALL: &[&ScenarioEntry] =
+    &[&planar_curve::ENTRY, &cloud3::ENTRY, &hunt_planar::ENTRY, &hunt_space::ENTRY, &rendered_pattern::ENTRY];

@@ -157,7 +157,18 @@ fn single(map: &Map<String, Value>) -> Result<Camera, String> {
     let [fx, fy, cx, cy] = numbers;
     let camera = Camera::new(fx, fy, cx, cy)
         .ok_or_else(|| format!("fx, fy, cx, cy are {fx}, {fy}, {cx}, {cy}; focal lengths are above 0"))?;
-    Ok(camera.with_lens(lens(map, coefficients.as_ref())?))
+    Ok(camera.with_lens(lens(map, coefficients.as_ref())?).with_size(size(map)))
+}
+
+/// Return the size of the images, where the file names one.
+fn size(map: &Map<String, Value>) -> Option<[usize; 2]> {
+    let pairs = [("image_width", "image_height"), ("width", "height"), ("Camera.width", "Camera.height")];
+    let number = |value: &Value| Some(*list(value).ok()?.first()? as usize).filter(|size| *size > 0);
+    let named = pairs.into_iter().find_map(|(w, h)| Some([number(map.get(w)?)?, number(map.get(h)?)?]));
+    named.or_else(|| {
+        let [w, h] = of_length::<2>(map.get("resolution")?, "resolution").ok()?;
+        (w >= 1.0 && h >= 1.0).then_some([w as usize, h as usize])
+    })
 }
 
 /// Return the one of several names that is there.

@@ -1,0 +1,49 @@
+//! Registration of rendered images of known pose: a few trials of the conditions that `cfpose cells` measures on hundreds.
+
+use cfpose_lab::rendered::{CELLS, RenderedRow, SEQUENCES, measure, measure_sequence, summarise};
+
+/// A seed that no figure of the documentation was made with.
+const SEED: u64 = 9001;
+
+fn rows(name: &str, trials: u64) -> Vec<RenderedRow> {
+    let cell = CELLS.iter().find(|cell| cell.name == name).unwrap();
+    measure(cell, SEED, trials)
+}
+
+#[test]
+fn complete_patterns_are_found_to_hundredths_of_a_pixel() {
+    for (name, each, median) in
+        [("clean45", 0.1, 0.02), ("noise12", 0.3, 0.1), ("defocus3", 0.3, 0.1), ("light40", 0.3, 0.1)]
+    {
+        let rows = rows(name, 6);
+        let summary = summarise(&rows);
+        assert!(rows.iter().all(|row| row.px < each), "{name}: {rows:?}");
+        assert!(summary.median_px < median, "{name}: {summary:?}");
+        assert!(summary.verdicts[0] >= 0.8, "{name}: {summary:?}");
+    }
+}
+
+#[test]
+fn hidden_parts_are_survived_or_said() {
+    for name in ["cut20", "grey20", "out", "clutter20"] {
+        let rows = rows(name, 4);
+        let found = rows.iter().filter(|row| row.px < 0.5).count();
+        assert!(found >= 3, "{name}: {rows:?}");
+        assert!(rows.iter().all(|row| row.verdict != "good" || row.px < 1.0), "{name}: {rows:?}");
+    }
+}
+
+#[test]
+fn a_row_depends_on_seed_and_number_alone() {
+    let cell = CELLS.iter().find(|cell| cell.name == "clean25").unwrap();
+    let (once, more) = (measure(cell, SEED, 1), measure(cell, SEED, 2));
+    assert_eq!(once[0].px.to_bits(), more[0].px.to_bits());
+}
+
+#[test]
+fn a_sequence_is_followed_behind_a_bar() {
+    let sequence = SEQUENCES.iter().find(|sequence| sequence.name == "track-bar").unwrap();
+    let summary = measure_sequence(sequence, SEED).unwrap();
+    assert_eq!(summary.lost, 0, "{summary:?}");
+    assert!(summary.mean_px < 0.05, "{summary:?}");
+}

@@ -1,0 +1,26 @@
+//! From a reference and a frame to a transformation: the stages of docs/vision.md, one file each.
+//!
+//! [`Pattern`] is a reference made ready, [`View`] a segmented frame, [`Registrar`] joins a model with both cameras.
+//! [`Registrar::register`] runs all stages; each of them can be called alone: [`Registrar::by_moments`], [`Registrar::by_contour`],
+//! [`Registrar::quality`].
+
+mod bend;
+mod edges;
+mod fit;
+mod mapper;
+mod moments;
+mod pattern;
+mod problem;
+mod quality;
+mod registrar;
+mod seen;
+mod starts;
+mod verdict;
+mod view;
+
+pub use fit::{ContourFit, Schedule};
+pub use pattern::{Outline, Pattern};
+pub use quality::Quality;
+pub use registrar::{Registered, Registrar, RegistrarError, Rival};
+pub use verdict::FrameVerdict;
+pub use view::View;

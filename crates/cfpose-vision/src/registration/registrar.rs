@@ -1,0 +1,412 @@
+//! A model joined with its stages, and the order in which things are tried.
+
+use std::sync::Arc;
+
+use cfpose::family::DynFamily;
+use cfpose::free::Freedom;
+use cfpose::model::{HomographyOf, TargetSide};
+use cfpose::{BuildContext, Model, PointsError, Registry, Scene};
+use cfpose_optim::Manifold;
+
+use super::fit::Schedule;
+use super::mapper::{Mapper, as_model_takes};
+use super::pattern::Pattern;
+use super::quality::Quality;
+use super::starts::Disturbed;
+use super::verdict::FrameVerdict;
+use super::view::View;
+
+/// Families of the stages of [`Registrar::by_moments`]: coarse points for the first two. The damping is exp(-0.15 |k|^2 / 2).
+const FAMILIES: [&str; 3] = [
+    "fourier[k=1,w0=1.2,damping=0.32275]",
+    "fourier[k=2,w0=1.2,damping=0.32275]",
+    "fourier[k=4,w0=1.2,damping=0.32275]",
+];
+
+/// Disturbed starts of the moments.
+const MOMENT_STARTS: usize = 12;
+
+/// Disturbed starts of the contour.
+const CONTOUR_STARTS: usize = 240;
+
+/// Standard deviation of an edge from which a frame is smoothed for the last fit, pixels.
+const NOISY: f64 = 0.08;
+
+/// Two tilts are two where the tangent step between them is longer than this.
+const SAME: f64 = 0.03;
+
+/// Why a registrar cannot be made.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum RegistrarError {
+    /// The model.
+    #[error(transparent)]
+    Model(#[from] cfpose::Error),
+    /// A model that maps no plane to a plane.
+    #[error(
+        "model `{0}` maps no image to an image; use plane-bearing, homography, plane-homography, affine2, similarity2 or rigid2"
+    )]
+    NotPlanar(String),
+}
+
+/// A transformation model, made ready for patterns and frames.
+pub struct Registrar {
+    /// Model without area elements: contours.
+    pub(super) model: Arc<Model>,
+    /// Name with area elements: regions.
+    pub(super) region_model: String,
+    pub(super) registry: Registry,
+    pub(super) families: Vec<Arc<dyn DynFamily>>,
+    pub(super) homography: HomographyOf,
+    free: Option<Vec<usize>>,
+    start: Vec<f64>,
+}
+
+/// An outline under a model.
+pub(super) struct Outlined {
+    pub places: Mapper,
+    pub ahead: Mapper,
+    pub levels: Vec<super::edges::Levels>,
+}
+
+/// Another theta that was examined.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Rival {
+    /// Ambient theta.
+    pub theta: Vec<f64>,
+    /// Root mean square distance of its edges over that of the best theta.
+    pub ratio: f64,
+}
+
+/// What came out for a frame.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Registered {
+    /// Ambient theta.
+    pub theta: Vec<f64>,
+    /// How well it explains the frame.
+    pub quality: Quality,
+    /// Verdict.
+    pub verdict: FrameVerdict,
+    /// Covariance of the tangent step at theta, row by row.
+    pub covariance: Vec<f64>,
+    /// Other thetas that the model implies, nearest in residual first.
+    pub rivals: Vec<Rival>,
+    /// Number of starts that were tried.
+    pub starts: usize,
+    /// What led to it.
+    pub by: &'static str,
+    /// One sentence each.
+    pub warnings: Vec<String>,
+}
+
+impl Registrar {
+    /// Build a model by its name, without parameters. `free` are the tangent columns that move (all when `None`), `start` the ambient theta
+    /// from which the first frame begins (the model's identity when `None`).
+    ///
+    /// # Errors
+    /// [`RegistrarError`].
+    pub fn new(
+        registry: &Registry,
+        model: &str,
+        free: Option<Vec<usize>>,
+        start: Option<Vec<f64>>,
+    ) -> Result<Self, RegistrarError> {
+        let entry = registry.models.iter().find(|entry| entry.name == model);
+        let has = |name: &str| entry.is_some_and(|entry| entry.parameters.iter().any(|p| p.name == name));
+        let with = |area: bool| {
+            let parts = [has("relation").then_some("relation=plane"), (area && has("area")).then_some("area=on")];
+            let parts: Vec<&str> = parts.into_iter().flatten().collect();
+            if parts.is_empty() { model.to_string() } else { format!("{model}[{}]", parts.join(",")) }
+        };
+        let context = BuildContext::default();
+        let built = registry.model(&with(false), &context)?;
+        let planar = built.dim() == 2 && matches!(built.target, TargetSide::Fixed(_));
+        let Some(homography) = built.homography.filter(|_| planar) else {
+            return Err(RegistrarError::NotPlanar(model.to_string()));
+        };
+        let context = BuildContext { dim: 2, ..context };
+        let families: Result<Vec<_>, _> =
+            FAMILIES.iter().map(|name| registry.family(name, &context).map(Arc::from)).collect();
+        let start = start.unwrap_or_else(|| built.identity.clone());
+        Ok(Self {
+            region_model: with(true),
+            registry: registry.clone(),
+            families: families?,
+            homography,
+            free,
+            start,
+            model: Arc::new(built),
+        })
+    }
+
+    /// Return the model.
+    pub fn model(&self) -> &Model {
+        &self.model
+    }
+
+    /// Return the homography of a theta, from the plane z = 1 of the reference to that of the frame.
+    pub fn homography(&self, theta: &[f64]) -> [f64; 9] {
+        (self.homography)(theta)
+    }
+
+    /// Map the outline of a pattern into a frame, pixels; what is behind the camera is NaN.
+    pub fn outline_in(&self, pattern: &Pattern, view_camera: crate::Camera, theta: &[f64]) -> Vec<[f64; 2]> {
+        let Ok(outlined) = self.outlined(pattern) else { return Vec::new() };
+        let mapped = outlined.places.at(theta, None);
+        let places = mapped.x.iter().zip(&mapped.ahead);
+        places.map(|(x, ahead)| if *ahead { view_camera.pixel_of(*x) } else { [f64::NAN; 2] }).collect()
+    }
+
+    /// Return the start of the first frame.
+    pub fn start(&self) -> &[f64] {
+        &self.start
+    }
+
+    /// Return the manifold on which a theta moves.
+    pub(super) fn manifold_at(&self, theta: &[f64]) -> Arc<dyn Manifold> {
+        match &self.free {
+            Some(free) => Arc::new(Freedom::new(&self.model.layout, free, theta).manifold().clone()),
+            None => Arc::new(self.model.layout.manifold().clone()),
+        }
+    }
+
+    pub(super) fn outlined(&self, pattern: &Pattern) -> Result<Outlined, PointsError> {
+        Ok(Outlined {
+            places: Mapper::new(&self.model, &pattern.outline.places)?,
+            ahead: Mapper::new(&self.model, &pattern.outline.ahead)?,
+            levels: pattern.outline.levels.clone(),
+        })
+    }
+
+    /// Register a frame. `last` is the theta of the frame before, tried first; `seed` draws the disturbed starts.
+    pub fn register(&self, pattern: &Pattern, view: &View, last: Option<&[f64]>, seed: u64) -> Option<Registered> {
+        let outlined = self.outlined(pattern).ok()?;
+        let mut hunt = Hunt { registrar: self, outlined: &outlined, pattern, view, best: None, starts: 0 };
+        hunt.run(last, seed);
+        let starts = hunt.starts;
+        let (theta, quality, by) = hunt.best?;
+        let accepted = hunt_accepts(pattern, view, &quality);
+        let (theta, quality, rivals) = self.tilts(&outlined, pattern, view, theta, quality);
+        let verdict = FrameVerdict::of(&quality, accepted, rivals.first().map(|rival| rival.ratio));
+        let (theta, covariance) = self.settled(&outlined, pattern, view, theta, &quality);
+        Some(Registered { theta, quality, verdict, covariance, rivals, starts, by, warnings: Vec::new() })
+    }
+
+    /// Fit once more on a smoothed frame where noise moves edges by more than a tenth of a pixel; return theta and its covariance.
+    fn settled(
+        &self,
+        outlined: &Outlined,
+        pattern: &Pattern,
+        view: &View,
+        theta: Vec<f64>,
+        quality: &Quality,
+    ) -> (Vec<f64>, Vec<f64>) {
+        if quality.expected > NOISY {
+            let smoothed = view.smoothed((0.7 * quality.blur).clamp(0.8, 2.5));
+            let fit = self.fit_outline(outlined, &smoothed, &theta, Schedule::LAST);
+            if let Some(fit) = fit.filter(|fit| self.is_plausible(pattern, &fit.theta)) {
+                let quality = self.quality_of(outlined, pattern, &smoothed, &fit.theta);
+                let covariance = self.covariance(outlined, pattern, &smoothed, &fit.theta, &quality);
+                return (fit.theta, covariance);
+            }
+        }
+        let covariance = self.covariance(outlined, pattern, view, &theta, quality);
+        (theta, covariance)
+    }
+
+    /// Fit the other thetas that the model implies; the best of all comes first.
+    fn tilts(
+        &self,
+        outlined: &Outlined,
+        pattern: &Pattern,
+        view: &View,
+        theta: Vec<f64>,
+        quality: Quality,
+    ) -> (Vec<f64>, Quality, Vec<Rival>) {
+        let takes = |points| as_model_takes(&self.model, points).ok();
+        let (Some(source), Some(target)) = (takes(&pattern.points[0]), takes(&view.points[0])) else {
+            return (theta, quality, Vec::new());
+        };
+        let findings = (self.model.examine)(&Scene { theta: &theta, source: &source, target: &target });
+        let manifold = self.manifold_at(&theta);
+        let distance = |a: &[f64], b: &[f64]| {
+            let mut step = vec![0.0; manifold.tangent()];
+            manifold.local(a, b, &mut step);
+            step.iter().map(|v| v * v).sum::<f64>().sqrt()
+        };
+        let own = self.distance_of(outlined, view, &theta, &theta);
+        let mut found: Vec<(Vec<f64>, f64)> = Vec::new();
+        for candidate in &findings.candidates {
+            let candidate = self.held_at_start(candidate, &theta);
+            let Some(fit) = self.fit_outline(outlined, view, &candidate, Schedule::TILT) else { continue };
+            let known = std::iter::once(&theta).chain(found.iter().map(|(theta, _)| theta));
+            let apart = known.into_iter().all(|other| distance(&fit.theta, other) > SAME);
+            if apart && self.is_plausible(pattern, &fit.theta) {
+                let rms = self.distance_of(outlined, view, &fit.theta, &theta);
+                found.push((fit.theta, rms));
+            }
+        }
+        found.sort_by(|a, b| a.1.total_cmp(&b.1));
+        let better = found.first().is_some_and(|(_, rms)| *rms < own);
+        let (theta, quality, own) = if better {
+            let (other, rms) = found.remove(0);
+            found.push((theta, own));
+            found.sort_by(|a, b| a.1.total_cmp(&b.1));
+            let quality = self.quality_of(outlined, pattern, view, &other);
+            (other, quality, rms)
+        } else {
+            (theta, quality, own)
+        };
+        let rivals = found.into_iter().map(|(theta, rms)| Rival { theta, ratio: rms / own.max(1e-9) }).collect();
+        (theta, quality, rivals)
+    }
+
+    /// Return a theta whose fixed parameters are those of another.
+    pub(super) fn held_at_start(&self, theta: &[f64], base: &[f64]) -> Vec<f64> {
+        match &self.free {
+            Some(free) => Freedom::new(&self.model.layout, free, base).hold(theta),
+            None => theta.to_vec(),
+        }
+    }
+
+    /// Return the root mean square distance of the edges at a theta over the places that have one at another theta; at most 4 pixels each.
+    fn distance_of(&self, outlined: &Outlined, view: &View, theta: &[f64], inliers_at: &[f64]) -> f64 {
+        const MOST: f64 = 4.0;
+        let (Some(there), Some(here)) =
+            (self.search(outlined, view, inliers_at, 3.0), self.search(outlined, view, theta, MOST))
+        else {
+            return f64::INFINITY;
+        };
+        let (mut sum, mut count) = (0.0_f64, 0.0);
+        for (_, b) in there.distances.iter().zip(&here.distances).filter(|(a, _)| a.abs() < 1.5) {
+            let distance = if b.is_nan() { MOST } else { b.clamp(-MOST, MOST) };
+            sum += distance * distance;
+            count += 1.0;
+        }
+        if count > 0.0 { (sum / count).sqrt() } else { f64::INFINITY }
+    }
+
+    /// Say whether a theta shows the pattern from its front, whole before the camera and at a reasonable size.
+    pub(super) fn is_plausible(&self, pattern: &Pattern, theta: &[f64]) -> bool {
+        let h = (self.homography)(theta);
+        let mean = pattern.points[0].mean();
+        let depth = |x: f64, y: f64| h[6] * x + h[7] * y + h[8];
+        let centre = depth(mean[0], mean[1]);
+        let places = &pattern.outline.places;
+        let ratio = places
+            .iter()
+            .map(|p| depth(p[0], p[1]) / centre)
+            .fold((f64::INFINITY, 0.0_f64), |(a, b), r| (a.min(r), b.max(r)));
+        // Signed change of area at the centre.
+        let area = cfpose_optim::manifold::determinant3(&h) / centre.powi(3);
+        centre != 0.0 && ratio.0 > 0.2 && ratio.1 < 5.0 && (0.02..30.0).contains(&area)
+    }
+}
+
+/// The state of a search for a theta.
+struct Hunt<'a> {
+    registrar: &'a Registrar,
+    outlined: &'a Outlined,
+    pattern: &'a Pattern,
+    view: &'a View,
+    best: Option<(Vec<f64>, Quality, &'static str)>,
+    starts: usize,
+}
+
+/// Say whether a theta explains a frame: the whole contour and both regions, or a part of the contour and one region wholly.
+pub(super) fn hunt_accepts(pattern: &Pattern, view: &View, quality: &Quality) -> bool {
+    // Of normal distances the median is .67 deviations; blur bends edges, and hidden parts end in corners.
+    let crisp = |more: f64| quality.median < more + 0.02 * quality.blur.powi(2) + 0.9 * quality.expected;
+    let complete = quality.share > 0.93 && quality.frame_explained > 0.975 && quality.reference_explained > 0.975;
+    // Noise of the coverage near the boundary makes regions differ.
+    let boundary = pattern.outline.spacing * pattern.outline.places.len() as f64;
+    let slack = view.noise * 2.0 * boundary / pattern.area;
+    let partly = quality.share > 0.45 && quality.one_sided() > 0.9972 - slack;
+    (complete && crisp(0.04)) || (partly && crisp(0.01))
+}
+
+impl Hunt<'_> {
+    /// Try what is likely first, until a theta is accepted.
+    fn run(&mut self, last: Option<&[f64]>, seed: u64) {
+        let identity = self.registrar.start.clone();
+        if let Some(last) = last
+            && self.contour(last, Schedule::TRACK, "last")
+        {
+            return;
+        }
+        let begin = last.map_or_else(|| identity.clone(), <[f64]>::to_vec);
+        let mut disturbed = Disturbed::new(self.registrar, self.pattern, seed);
+        let centred = disturbed.centred(&begin, self.view);
+        // Regions: as far as they are seen where parts are hidden or outside the frame, then as if they were whole.
+        for seen in [true, false] {
+            if seen && self.view.partly.is_none() {
+                continue;
+            }
+            if self.moments(&begin, seen, "moments") || self.moments(&centred, seen, "moments-centred") {
+                return;
+            }
+        }
+        let visible = self.view.partly.is_some();
+        for k in [4, 2, 6, 1, 7, 3, 5] {
+            let start = disturbed.turned(&centred, f64::from(k) * std::f64::consts::FRAC_PI_4);
+            if self.moments(&start, visible, "moments-turned") {
+                return;
+            }
+        }
+        for k in 0..MOMENT_STARTS {
+            let base = if k % 2 == 0 { &centred } else { &identity };
+            let start = disturbed.near(base, if k < 6 { 1.0 } else { 1.6 });
+            if self.moments(&start, visible, "moments-disturbed") {
+                return;
+            }
+        }
+        let by_moments = self.best.as_ref().map_or_else(|| identity.clone(), |(theta, ..)| theta.clone());
+        for start in [&identity, &by_moments] {
+            if self.contour(start, Schedule::FAR, "contour") {
+                return;
+            }
+        }
+        // Half planes of the reference left out: the moments of the rest tell which part is hidden.
+        for start in self.registrar.by_parts(self.pattern, self.view, &centred) {
+            if self.contour(&start, Schedule::FAR, "parts") {
+                return;
+            }
+        }
+        for k in 0..CONTOUR_STARTS {
+            let best = self.best.as_ref().map_or_else(|| begin.clone(), |(theta, ..)| theta.clone());
+            let (base, scale) = match k % 4 {
+                0 => (&by_moments, 1.2),
+                1 => (&best, 0.6),
+                2 => (&centred, 1.2),
+                _ => (&begin, 1.2),
+            };
+            let start = disturbed.near(base, scale);
+            if self.contour(&start, Schedule::FAR, "contour-disturbed") {
+                return;
+            }
+        }
+    }
+
+    /// Find a theta by moments and finish it by the contour; say whether it is accepted.
+    fn moments(&mut self, start: &[f64], seen: bool, by: &'static str) -> bool {
+        let found = self.registrar.by_moments(self.pattern, self.view, start, seen);
+        match found {
+            Some((theta, _)) if self.registrar.is_plausible(self.pattern, &theta) => {
+                self.contour(&theta, Schedule::NEAR, by)
+            }
+            _ => false,
+        }
+    }
+
+    /// Fit the contour from a theta and keep the result if it is better; say whether it is accepted.
+    fn contour(&mut self, start: &[f64], schedule: Schedule, by: &'static str) -> bool {
+        self.starts += 1;
+        let fit = self.registrar.fit_outline(self.outlined, self.view, start, schedule);
+        let Some(fit) = fit.filter(|fit| self.registrar.is_plausible(self.pattern, &fit.theta)) else { return false };
+        let quality = self.registrar.quality_of(self.outlined, self.pattern, self.view, &fit.theta);
+        let accepted = hunt_accepts(self.pattern, self.view, &quality);
+        if accepted || self.best.as_ref().is_none_or(|(_, best, _)| quality.score() > best.score()) {
+            self.best = Some((fit.theta, quality, by));
+        }
+        accepted
+    }
+}

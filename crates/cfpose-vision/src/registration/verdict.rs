@@ -1,0 +1,102 @@
+//! Whether a theta is to be trusted, and its covariance.
+
+use cfpose_optim::LeastSquares;
+use cfpose_optim::covariance::covariance;
+
+use super::pattern::Pattern;
+use super::problem::EdgeProblem;
+use super::quality::Quality;
+use super::registrar::{Outlined, Registrar};
+use super::view::View;
+
+/// Two thetas whose residuals differ by less than this factor are not told apart.
+const APART: f64 = 2.0;
+
+/// Least share of the whole contour with an edge, for `good`.
+const SUPPORT: f64 = 0.6;
+
+/// Pixels by which an edge is wrong whatever the noise: the grid, 8 bits, the search.
+const FLOOR: f64 = 0.02;
+
+/// Pixels over which the shifts of neighbouring edges by blur are alike.
+const ALIKE: f64 = 40.0;
+
+/// Shift of a blurred edge that is left, per squared deviation of the blur, 1 / pixels: a quarter of what a curvature radius of 30 pixels makes.
+const BENT: f64 = 0.004;
+
+/// Verdict on a frame.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum FrameVerdict {
+    /// One theta explains the frame.
+    Good,
+    /// Several thetas explain it nearly as well.
+    Ambiguous,
+    /// The best theta does not explain it, or only a small part of it.
+    Suspect,
+    /// There is none.
+    Lost,
+}
+
+impl FrameVerdict {
+    /// Return the name as it stands in results.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Good => "good",
+            Self::Ambiguous => "ambiguous",
+            Self::Suspect => "suspect",
+            Self::Lost => "lost",
+        }
+    }
+
+    /// Say whether there is a theta.
+    pub fn usable(self) -> bool {
+        self != Self::Lost
+    }
+
+    /// Decide. `rival` is the ratio of the second best residual to the best.
+    pub(super) fn of(quality: &Quality, accepted: bool, rival: Option<f64>) -> Self {
+        if quality.share < 0.2 {
+            Self::Lost
+        } else if !accepted {
+            Self::Suspect
+        } else if rival.is_some_and(|ratio| ratio < APART) {
+            Self::Ambiguous
+        } else if quality.share * quality.visible < SUPPORT {
+            Self::Suspect
+        } else {
+            Self::Good
+        }
+    }
+}
+
+impl Registrar {
+    /// Return the covariance of the tangent step, from the noise of both images: every edge is off by noise / slope, neighbours within
+    /// 2 pixels alike. Fixed parameters have no column.
+    pub(super) fn covariance(
+        &self,
+        outlined: &Outlined,
+        pattern: &Pattern,
+        view: &View,
+        theta: &[f64],
+        quality: &Quality,
+    ) -> Vec<f64> {
+        let manifold = self.manifold_at(theta);
+        let m = manifold.tangent();
+        let none = || vec![f64::NAN; m * m];
+        let Some(found) = self.search(outlined, view, theta, 3.0) else { return none() };
+        let focal = view.camera.focal();
+        let factors: Vec<f64> = found.distances.iter().map(|d| if d.abs() < 1.5 { focal } else { 0.0 }).collect();
+        let rows = factors.len();
+        let problem =
+            EdgeProblem { mapper: &outlined.places, manifold, edges: found.edges, normals: found.normals, factors };
+        let (mut residual, mut jacobian) = (vec![0.0; rows], vec![0.0; rows * m]);
+        problem.jacobian(theta, &mut residual, &mut jacobian);
+        if jacobian.iter().any(|v| !v.is_finite()) {
+            return none();
+        }
+        let [noise, blur] = [view.alike, ALIKE].map(|pixels| (pixels / pattern.outline.spacing).max(1.0));
+        let random = (quality.expected.powi(2) + FLOOR.powi(2)) * noise;
+        let variance = random + ((BENT * quality.blur.powi(2)).powi(2) + view.shift.powi(2)) * blur;
+        covariance(rows, m, &jacobian, variance, 1e-10).map_or_else(none, |c| c.matrix)
+    }
+}

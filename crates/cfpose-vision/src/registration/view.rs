@@ -1,0 +1,107 @@
+//! A frame made ready.
+
+use std::sync::Arc;
+
+use cfpose::{Points, PointsError};
+
+use super::pattern::{steps, weighted};
+use super::seen::Visibility;
+use crate::camera::Camera;
+use crate::raster::Raster;
+use crate::segment::Segmentation;
+
+/// A segmented frame: the field in which edges are searched, and weighted points of its region.
+#[derive(Debug, Clone)]
+pub struct View {
+    /// Coverage, NaN where something else hides the pattern.
+    pub field: Raster,
+    /// Coverage that is not cut off at 0 and 1.
+    unbounded: Raster,
+    /// Pixels over which neighbouring edges have alike noise.
+    pub alike: f64,
+    /// Standard deviation of a shift of all edges alike: over-exposure.
+    pub shift: f64,
+    /// Its camera.
+    pub camera: Camera,
+    /// Sum of the coverage, pixels.
+    pub area: f64,
+    /// Standard deviation of the coverage by noise.
+    pub noise: f64,
+    /// Points, coarse and fine, as [`super::Pattern::points`].
+    pub points: [Points; 2],
+    /// What the frame can show, and the points that count as far as they are seen; none where the region ends within the frame and nothing
+    /// hides it.
+    pub partly: Option<(Arc<Visibility>, [Points; 2])>,
+    /// Whether something hides parts of the frame.
+    pub hidden: bool,
+}
+
+impl View {
+    /// Make a segmented frame ready.
+    ///
+    /// # Errors
+    /// [`PointsError`] where the camera shows nothing at a pixel of the region.
+    pub fn new(segmentation: &Segmentation, camera: Camera) -> Result<Self, PointsError> {
+        let coverage = &segmentation.coverage;
+        let (w, h) = (coverage.width(), coverage.height());
+        let area: f64 = coverage.values().iter().map(|v| f64::from(*v)).sum();
+        let sides = steps(area);
+        let points = [weighted(coverage, camera, sides[0])?, weighted(coverage, camera, sides[1])?];
+        let hidden = segmentation.others.as_deref();
+        let at_border = touches_border(coverage);
+        let partly = if hidden.is_some() || at_border {
+            let visibility = Visibility::new(hidden, w, h, camera);
+            let seen = Raster::from_fn(w, h, |x, y| coverage.at(x, y) * visibility.at_pixel(x as f64, y as f64) as f32);
+            let points = [weighted(&seen, camera, sides[0])?, weighted(&seen, camera, sides[1])?];
+            Some((Arc::new(visibility), points))
+        } else {
+            None
+        };
+        let without_hidden = |mut field: Raster| {
+            if let Some(hidden) = hidden {
+                field.values_mut().iter_mut().zip(hidden).filter(|(_, h)| **h).for_each(|(v, _)| *v = f32::NAN);
+            }
+            field
+        };
+        let field = without_hidden(coverage.clone());
+        let unbounded = without_hidden(segmentation.unbounded.clone());
+        let shift = if segmentation.overexposed { OVEREXPOSED } else { 0.0 };
+        Ok(Self {
+            field,
+            unbounded,
+            alike: ALIKE,
+            shift,
+            camera,
+            area,
+            noise: f64::from(segmentation.noise),
+            points,
+            partly,
+            hidden: hidden.is_some(),
+        })
+    }
+}
+
+impl View {
+    /// Return the frame with a smoothed field: for a last fit where noise moves edges more than the smoothing bends them.
+    #[must_use]
+    pub fn smoothed(&self, deviation: f64) -> Self {
+        // White noise under a Gaussian s: 1 / (2 sqrt(pi) s) of its deviation, alike over 2 sqrt(pi) s along a line.
+        let kept = 0.282 / deviation;
+        let field = self.unbounded.gaussian(deviation);
+        Self { field, noise: self.noise * kept.min(1.0), alike: (3.54 * deviation).max(self.alike), ..self.clone() }
+    }
+}
+
+/// Shift of the edges of an over-exposed frame, pixels.
+const OVEREXPOSED: f64 = 0.05;
+
+/// Pixels over which neighbouring edges have alike noise where nothing is smoothed.
+const ALIKE: f64 = 2.0;
+
+/// Say whether a region reaches the frame's border.
+fn touches_border(coverage: &Raster) -> bool {
+    let (w, h) = (coverage.width(), coverage.height());
+    let inside = |v: f32| v > 0.5;
+    let rows = [0, 1, h - 2, h - 1].into_iter().any(|y| coverage.row(y).iter().any(|v| inside(*v)));
+    rows || (0..h).any(|y| [0, 1, w - 2, w - 1].into_iter().any(|x| inside(coverage.at(x, y))))
+}
