@@ -62,6 +62,6 @@ fn weights_are_trained_used_and_refused_by_name() {
     assert!(message.contains("absent: cannot be read"), "{message}");
     let message = desk.fails(2, "learn t.toml --out t.toml");
     assert!(message.contains("would overwrite t.toml"), "{message}");
-    desk.write("u.toml", &TRAINING.replace("contraction", "contractoin"));
+    desk.write("u.toml", TRAINING.replace("contraction", "contractoin"));
     assert!(desk.fails(2, "learn u.toml").contains("did you mean contraction"));
 }

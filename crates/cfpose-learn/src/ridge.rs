@@ -115,7 +115,7 @@ impl<'a> RidgeLearner<'a> {
         let stride = self.dim * width;
         state.source.chunks_exact(stride).for_each(|p| self.add(unit, &p[..self.dim], &p[self.dim..], &mut sums));
         let scale = (state.source.len() as f64 / stride as f64).recip();
-        sums.iter_mut().for_each(|sum| *sum = *sum * scale);
+        sums.iter_mut().for_each(|sum| *sum *= scale);
         target.iter().enumerate().for_each(|(k, mean)| sums[k * width] -= *mean);
         sums
     }
