@@ -186,12 +186,13 @@ impl Registrar {
         let (theta, quality, by) = hunt.best?;
         let accepted = hunt_accepts(pattern, view, &quality);
         let (theta, quality, rivals) = self.tilts(&outlined, pattern, view, theta, quality);
-        let verdict = FrameVerdict::of(&quality, accepted, rivals.first().map(|rival| rival.ratio));
-        let (theta, covariance) = self.settled(&outlined, pattern, view, theta, &quality);
+        let (theta, covariance, crisp) = self.settled(&outlined, pattern, view, theta, &quality);
+        let verdict = FrameVerdict::of(&quality, accepted && crisp, rivals.first().map(|rival| rival.ratio));
         Some(Registered { theta, quality, verdict, covariance, rivals, starts, by, warnings: Vec::new() })
     }
 
-    /// Fit once more on a smoothed frame where noise moves edges by more than a tenth of a pixel; return theta and its covariance.
+    /// Fit once more on a smoothed frame where noise moves edges by more than a tenth of a pixel; return theta, its
+    /// covariance, and whether the contour fits the smoothed frame as its smaller noise lets expect.
     fn settled(
         &self,
         outlined: &Outlined,
@@ -199,18 +200,19 @@ impl Registrar {
         view: &View,
         theta: Vec<f64>,
         quality: &Quality,
-    ) -> (Vec<f64>, Vec<f64>) {
+    ) -> (Vec<f64>, Vec<f64>, bool) {
         if quality.expected > NOISY {
             let smoothed = view.smoothed((0.7 * quality.blur).clamp(0.8, 2.5));
             let fit = self.fit_outline(outlined, &smoothed, &theta, Schedule::LAST);
             if let Some(fit) = fit.filter(|fit| self.is_plausible(pattern, &fit.theta)) {
                 let quality = self.quality_of(outlined, pattern, &smoothed, &fit.theta);
                 let covariance = self.covariance(outlined, pattern, &smoothed, &fit.theta, &quality);
-                return (fit.theta, covariance);
+                let most = 0.04 + 0.01 * quality.blur.powi(2) + 0.9 * quality.expected;
+                return (fit.theta, covariance, quality.median < most);
             }
         }
         let covariance = self.covariance(outlined, pattern, view, &theta, quality);
-        (theta, covariance)
+        (theta, covariance, true)
     }
 
     /// Fit the other thetas that the model implies; the best of all comes first.
