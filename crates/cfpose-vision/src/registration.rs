@@ -7,6 +7,7 @@
 mod bend;
 mod edges;
 mod fit;
+mod hunt;
 mod mapper;
 mod moments;
 mod pattern;

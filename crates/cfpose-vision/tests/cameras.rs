@@ -26,11 +26,16 @@ fn every_program_that_calibrates_is_understood() {
     for (name, text) in CAMERAS {
         let expected = if name == "camera_info.yaml" { camera } else { camera.with_lens(lens) };
         let choice = (name == "pair.yaml").then_some("cam0");
-        assert_eq!(read(name, text, choice), Ok(expected), "{name}");
+        let found = read(name, text, choice).unwrap();
+        assert_eq!(found.with_size(None), expected, "{name}");
+        // A size that the file names holds.
+        assert!(found.for_size(752, 480).is_ok(), "{name}");
         // Other line ends and a byte order mark change nothing.
         let dressed = format!("\u{feff}{}", text.replace('\n', "\r\n"));
-        assert_eq!(read(name, &dressed, choice), Ok(expected), "{name}");
+        assert_eq!(read(name, &dressed, choice), Ok(found), "{name}");
     }
+    let sized = read(CAMERAS[0].0, CAMERAS[0].1, None).unwrap();
+    assert!(sized.for_size(640, 480).unwrap_err().contains("752 x 480"));
     let second = read("pair.yaml", CAMERAS[8].1, Some("cam1")).unwrap();
     assert_eq!(second.lens(), Lens::equidistant([-0.01, 0.02, -0.015, 0.003]).unwrap());
     let fisheye = CAMERAS[0]

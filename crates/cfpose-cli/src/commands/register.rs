@@ -10,7 +10,7 @@ use std::time::Instant;
 use cfpose::free::{Frame, find_columns};
 use cfpose::theta::RotationForm;
 use cfpose_lab::Lab;
-use cfpose_vision::registration::{Pattern, Registered, Registrar, View};
+use cfpose_vision::registration::{FrameVerdict, Pattern, Registered, Registrar, View};
 use cfpose_vision::{Camera, Foreground, Picture, SegmentOptions, Transfer, guess_transfer, read_picture, segment};
 
 use crate::args::{FrameName, LookArgs, RegisterArgs, Side};
@@ -152,6 +152,10 @@ fn register(setup: &Setup, name: &Path, last: Option<&[f64]>) -> Result<Done, St
     let view = View::new(&segmentation, camera).map_err(|error| error.to_string())?;
     let found = setup.registrar.register(&setup.pattern, &view, last, setup.seed);
     let mut found = found.ok_or("no pose brings the contour onto edges of the frame")?;
+    if found.verdict == FrameVerdict::Lost {
+        let share = 100.0 * found.quality.share;
+        return Err(format!("the best of {} poses has edges on {share:.0} % of the contour", found.starts));
+    }
     let clipped = clipped_share(setup, &picture, camera, &found.theta);
     if clipped > 0.02 {
         found.warnings.push(format!(

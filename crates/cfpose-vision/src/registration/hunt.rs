@@ -1,0 +1,130 @@
+//! The order in which thetas are tried, and when one is accepted.
+
+use super::fit::Schedule;
+use super::pattern::Pattern;
+use super::quality::Quality;
+use super::registrar::{Outlined, Registrar};
+use super::starts::Disturbed;
+use super::view::View;
+
+/// Disturbed starts of the moments.
+const MOMENT_STARTS: usize = 12;
+
+/// Disturbed starts of the contour.
+const CONTOUR_STARTS: usize = 240;
+
+/// The state of a search for a theta.
+pub(super) struct Hunt<'a> {
+    registrar: &'a Registrar,
+    outlined: &'a Outlined,
+    pattern: &'a Pattern,
+    view: &'a View,
+    /// Theta, how well it explains the frame, and what led to it.
+    pub best: Option<(Vec<f64>, Quality, &'static str)>,
+    /// Starts that were tried.
+    pub starts: usize,
+}
+
+/// Say whether a theta explains a frame: the whole contour and both regions, or a part of the contour and one region wholly.
+pub(super) fn accepts(pattern: &Pattern, view: &View, quality: &Quality) -> bool {
+    // Of normal distances the median is .67 deviations; blur bends edges, and hidden parts end in corners.
+    let crisp = |more: f64| quality.median < more + 0.02 * quality.blur.powi(2) + 0.9 * quality.expected;
+    let complete = quality.share > 0.93 && quality.frame_explained > 0.975 && quality.reference_explained > 0.975;
+    // Noise of the coverage near the boundary makes regions differ.
+    let boundary = pattern.outline.spacing * pattern.outline.places.len() as f64;
+    let slack = view.noise * 2.0 * boundary / pattern.area;
+    let partly = quality.share > 0.45 && quality.one_sided() > 0.9972 - slack;
+    (complete && crisp(0.04)) || (partly && crisp(0.01))
+}
+
+impl<'a> Hunt<'a> {
+    /// Begin with nothing.
+    pub fn new(registrar: &'a Registrar, outlined: &'a Outlined, pattern: &'a Pattern, view: &'a View) -> Self {
+        Self { registrar, outlined, pattern, view, best: None, starts: 0 }
+    }
+
+    /// Try what is likely first, until a theta is accepted.
+    pub fn run(&mut self, last: Option<&[f64]>, seed: u64) {
+        let identity = self.registrar.start().to_vec();
+        if let Some(last) = last
+            && self.contour(last, Schedule::TRACK, "last")
+        {
+            return;
+        }
+        let begin = last.map_or_else(|| identity.clone(), <[f64]>::to_vec);
+        let mut disturbed = Disturbed::new(self.registrar, self.pattern, seed);
+        let centred = disturbed.centred(&begin, self.view);
+        // Regions: as far as they are seen where parts are hidden or outside the frame, then as if they were whole.
+        for seen in [true, false] {
+            if seen && self.view.partly.is_none() {
+                continue;
+            }
+            if self.moments(&begin, seen, "moments") || self.moments(&centred, seen, "moments-centred") {
+                return;
+            }
+        }
+        let visible = self.view.partly.is_some();
+        for k in [4, 2, 6, 1, 7, 3, 5] {
+            let start = disturbed.turned(&centred, f64::from(k) * std::f64::consts::FRAC_PI_4);
+            if self.moments(&start, visible, "moments-turned") {
+                return;
+            }
+        }
+        for k in 0..MOMENT_STARTS {
+            let base = if k % 2 == 0 { &centred } else { &identity };
+            let start = disturbed.near(base, if k < 6 { 1.0 } else { 1.6 });
+            if self.moments(&start, visible, "moments-disturbed") {
+                return;
+            }
+        }
+        let by_moments = self.best.as_ref().map_or_else(|| identity.clone(), |(theta, ..)| theta.clone());
+        for start in [&identity, &by_moments] {
+            if self.contour(start, Schedule::FAR, "contour") {
+                return;
+            }
+        }
+        // Half planes of the reference left out: the moments of the rest tell which part is hidden.
+        for start in self.registrar.by_parts(self.pattern, self.view, &centred) {
+            if self.contour(&start, Schedule::FAR, "parts") {
+                return;
+            }
+        }
+        for k in 0..CONTOUR_STARTS {
+            let best = self.best.as_ref().map_or_else(|| begin.clone(), |(theta, ..)| theta.clone());
+            let (base, scale) = match k % 4 {
+                0 => (&by_moments, 1.2),
+                1 => (&best, 0.6),
+                2 => (&centred, 1.2),
+                _ => (&begin, 1.2),
+            };
+            let start = disturbed.near(base, scale);
+            if self.contour(&start, Schedule::FAR, "contour-disturbed") {
+                return;
+            }
+        }
+    }
+
+    /// Find a theta by moments and finish it by the contour; say whether it is accepted.
+    fn moments(&mut self, start: &[f64], seen: bool, by: &'static str) -> bool {
+        let found = self.registrar.by_moments(self.pattern, self.view, start, seen);
+        match found {
+            Some((theta, _)) if self.registrar.is_plausible(self.pattern, &theta) => {
+                self.contour(&theta, Schedule::NEAR, by)
+            }
+            _ => false,
+        }
+    }
+
+    /// Fit the contour from a theta and keep the result if it is better; say whether it is accepted.
+    fn contour(&mut self, start: &[f64], schedule: Schedule, by: &'static str) -> bool {
+        self.starts += 1;
+        let fit = self.registrar.fit_outline(self.outlined, self.view, start, schedule);
+        let Some(fit) = fit.filter(|fit| self.registrar.is_plausible(self.pattern, &fit.theta)) else { return false };
+        let quality = self.registrar.quality_of(self.outlined, self.pattern, self.view, &fit.theta);
+        let accepted = accepts(self.pattern, self.view, &quality);
+        if accepted || self.best.as_ref().is_none_or(|(_, best, _)| quality.score() > best.score()) {
+            self.best = Some((fit.theta, quality, by));
+        }
+        accepted
+    }
+}
