@@ -67,6 +67,9 @@ criteria! {
     /// p-value of J below which a fit is suspect.
     p_suspect: f64 = 1e-3, "probability",
         "2 false alarms in 160 right answers, 0 misses in 160 wrong ones; smaller than a test's usual level, because models are idealised";
+    /// Probability of J below which the means do not have the last word: the likelihood of the points is polished instead.
+    p_agrees: f64 = 0.01, "probability",
+        "costs time in 1 of 100 right answers; a bias by outliers that were left out shows in J before it shows in distances";
     /// Share of the residuals' variance that neighbouring residuals have in common, above which a fit is misplaced.
     coherent: f64 = 0.35, "share",
         "0 false alarms in 160, 116 misses in 160: it notices a misplaced shape that a large noise estimate hides from J; blind below about 300 points";
@@ -149,7 +152,7 @@ criteria! {
     ascended: [usize; 2] = [6, 30], "starts",
         "a budget";
     /// Modes that are polished: in any case, and at most while they are about as good.
-    polished: [usize; 2] = [2, 30], "modes",
+    polished: [usize; 2] = [6, 30], "modes",
         "a budget: a cube has 24";
     /// Nats (of the coarse likelihood) behind the best up to which a mode is about as good.
     about_as_good: f64 = 12.0, "nats",

@@ -74,8 +74,10 @@ fn the_residual_does_not_know_the_order_of_points() {
             let Some(a) = sample.problem(&registry, &family, &execution).unwrap() else { continue };
             let b = permuted.problem(&registry, &family, &execution).unwrap().unwrap();
             let (a, b) = (a.evaluate(&sample.theta), b.evaluate(&sample.theta));
+            // Functions that are whitened by the target enlarge the rounding of its sums.
+            let rounding = if family.starts_with("learned") { 1e-9 } else { 1e-12 };
             for (x, y) in a.residual.iter().zip(&b.residual).chain(a.jacobian.iter().zip(&b.jacobian)) {
-                assert!((x - y).abs() < 1e-12 * x.abs().max(1.0), "{} x {family}: {x} {y}", model.name);
+                assert!((x - y).abs() < rounding * x.abs().max(1.0), "{} x {family}: {x} {y}", model.name);
             }
         }
     }

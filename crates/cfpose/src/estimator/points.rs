@@ -84,7 +84,7 @@ impl Search<'_> {
         let criteria = &self.parts.criteria;
         let Some(statistics) = candidate.statistics.as_ref() else { return Ok(None) };
         let agrees = candidate.accepted
-            && statistics.p_value > criteria.p_suspect
+            && statistics.p_value > criteria.p_agrees
             && candidate.sampling == Some(Sampling::Same)
             && self.apart(&candidate.theta, &chosen.fit.theta) < ONE_MODE;
         if !agrees {
@@ -109,7 +109,7 @@ impl Search<'_> {
         let Some(full) = self.wide_enough(&chosen.fit, target_points)? else { return Ok(None) };
         // All points say better than some whether they are copies.
         let kernel = full.likely_kernel(&chosen.fit.theta).unwrap_or(chosen.fit.mixture.kernel);
-        let Some(fit) = full.ascend(&chosen.fit.theta, kernel, 15, f64::NEG_INFINITY) else { return Ok(None) };
+        let Some(fit) = full.ascend_fully(&chosen.fit.theta, kernel, 25) else { return Ok(None) };
         let Some(mut placed) = full.place(&fit.theta, true) else { return Ok(None) };
         full.reweigh(&mut placed, &fit.mixture);
         let covariance = full.covariance(&placed, &fit.mixture);
@@ -168,7 +168,7 @@ impl Search<'_> {
 
     /// Run the last stages on the points that are no clutter, from the fit; what the means found there already is taken.
     fn means_at(&mut self, fit: &Fit, found: &[Candidate], watch: &mut Watch<'_>) -> Result<Option<Candidate>, Error> {
-        let inliers = self.inliers(&fit.theta, &fit.mixture)?;
+        let inliers = self.inliers(fit)?;
         let Some(rows) = inliers else {
             let is_here = |known: &&Candidate| known.accepted && self.apart(&known.theta, &fit.theta) < ONE_MODE;
             if let Some(known) = found.iter().find(is_here) {
@@ -205,14 +205,16 @@ impl Search<'_> {
     }
 
     /// Return the target rows that are no clutter at theta; `None` where nearly all are.
-    fn inliers(&self, theta: &[f64], mixture: &Mixture) -> Result<Option<Vec<usize>>, Error> {
+    fn inliers(&self, fit: &Fit) -> Result<Option<Vec<usize>>, Error> {
         let target = &self.last().sides.mapped_target;
-        if mixture.clutter < 0.01 || target.len() != self.stages.data.target.len() {
+        if fit.mixture.clutter < 0.01 || target.len() != self.stages.data.target.len() {
             return Ok(None);
         }
-        let Some(all) = self.likelihood([1000, 0], 12, "inliers")? else { return Ok(None) };
-        let Some(placed) = all.place(theta, false) else { return Ok(None) };
-        let shares = all.responsibilities(&placed, mixture);
+        let Some(all) = self.wide_enough(fit, 0)? else { return Ok(None) };
+        let Some(mut placed) = all.place(&fit.theta, false) else { return Ok(None) };
+        let shape = Mixture { kernel: Kernel::Shape, ..fit.mixture };
+        let (mixture, _) = all.mixture_from(&mut placed, &shape);
+        let shares = all.responsibilities(&placed, &mixture);
         let rows: Vec<usize> = (0..shares.len()).filter(|k| shares[*k] > 0.5).collect();
         // The tails of the noise alone look like a few outliers, and the means of the same points need them.
         let few = rows.len() as f64 > 0.97 * shares.len() as f64;

@@ -79,7 +79,9 @@ pub(crate) fn solve_normal(n: usize, h: &[f64], g: &[f64], damping: f64) -> Opti
     use faer::linalg::solvers::Solve;
     let trace: f64 = (0..n).map(|i| h[i * n + i]).sum();
     let matrix = faer::Mat::from_fn(n, n, |i, j| {
-        let ridge = if i == j { damping * h[i * n + i] + 1e-14 * trace } else { 0.0 };
+        // Each unknown by its own entry: angles and lengths have other units. A direction without any information has none.
+        let own = if h[i * n + i] > 0.0 { h[i * n + i] } else { trace };
+        let ridge = if i == j { (damping + 1e-14) * own } else { 0.0 };
         h[i * n + j] + ridge
     });
     let factor = matrix.llt(faer::Side::Lower).ok()?;

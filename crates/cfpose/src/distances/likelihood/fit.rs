@@ -21,8 +21,8 @@ const ALWAYS_REWEIGHED: usize = 3;
 const FAR: f64 = 80.0;
 /// Steps before that.
 const GIVE_UP: usize = 5;
-/// A step that promises less than this is the last.
-const NATS: f64 = 1e-3;
+/// A step that promises less than this is the last: where modes are compared, where one is returned.
+const NATS: [f64; 2] = [1e-3, 1e-9];
 /// Root mean square displacement of a step, in sizes of the target, at most.
 const LONGEST: f64 = 0.2;
 
@@ -33,14 +33,21 @@ impl PointsLikelihood<'_> {
     pub fn ascend(&self, theta: &[f64], kernel: Kernel, max_iterations: usize, least: f64) -> Option<Fit> {
         let mut placed = self.place(theta, true)?;
         let (mixture, _) = self.best_mixture(&mut placed, kernel, 7);
-        self.ascend_with(theta, placed, mixture, max_iterations, least)
+        self.ascend_with(theta, placed, mixture, max_iterations, least, NATS[0])
+    }
+
+    /// Ascend as [`PointsLikelihood::ascend`] until theta is known to far less than its deviation.
+    pub fn ascend_fully(&self, theta: &[f64], kernel: Kernel, max_iterations: usize) -> Option<Fit> {
+        let mut placed = self.place(theta, true)?;
+        let (mixture, _) = self.best_mixture(&mut placed, kernel, 7);
+        self.ascend_with(theta, placed, mixture, max_iterations, f64::NEG_INFINITY, NATS[1])
     }
 
     /// Ascend from a fit on other points of the same sets, whose noise and clutter are about right.
     pub fn ascend_from(&self, fit: &Fit, max_iterations: usize, least: f64) -> Option<Fit> {
         let mut placed = self.place(&fit.theta, true)?;
         let (mixture, _) = self.mixture_from(&mut placed, &fit.mixture);
-        self.ascend_with(&fit.theta, placed, mixture, max_iterations, least)
+        self.ascend_with(&fit.theta, placed, mixture, max_iterations, least, NATS[0])
     }
 
     fn ascend_with(
@@ -50,6 +57,7 @@ impl PointsLikelihood<'_> {
         mut mixture: Mixture,
         max_iterations: usize,
         least: f64,
+        nats: f64,
     ) -> Option<Fit> {
         let mut theta = theta.to_vec();
         let mut sums = self.sums(&placed, &mixture);
@@ -59,14 +67,14 @@ impl PointsLikelihood<'_> {
                 return None;
             }
             iterations += 1;
-            let Some((next, there, gain)) = self.step(&theta, &placed, &sums, &mixture, &mut damping) else {
+            let Some((next, there, gain)) = self.step(&theta, &placed, &sums, &mixture, nats, &mut damping) else {
                 converged = true;
                 break;
             };
             // Frames and weights follow theta while it moves by much, noise and clutter always.
             let has_moved = !placed.same_neighbours(&there);
             (theta, placed) = (next, there);
-            converged = gain < NATS;
+            converged = gain < nats;
             if has_moved {
                 self.refresh(&mut placed);
             }
@@ -95,6 +103,7 @@ impl PointsLikelihood<'_> {
         placed: &Placed,
         sums: &Sums,
         mixture: &Mixture,
+        nats: f64,
         damping: &mut f64,
     ) -> Option<(Vec<f64>, Placed, f64)> {
         let n = sums.gradient.len();
@@ -106,7 +115,7 @@ impl PointsLikelihood<'_> {
                 continue;
             };
             let promised: f64 = step.iter().zip(&sums.gradient).map(|(s, g)| s * g).sum();
-            if promised < NATS {
+            if promised < nats {
                 return None;
             }
             let moved = (quadratic(n, &sums.displacement, &step) / self.target.len() as f64).sqrt();
