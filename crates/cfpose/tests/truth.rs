@@ -137,7 +137,7 @@ fn units_and_offsets_change_nothing() {
         let there = found_pose.apply(p.point(0)).map(|x| (x - offset) / unit);
         let plain_there = plain.pose.unwrap().apply(source.point(0));
         let shift = (0..3).map(|d| (there[d] - plain_there[d]).powi(2)).sum::<f64>().sqrt();
-        let precision = 1e-3 * 0.05 + 1e-9 * offset / unit;
+        let precision = 1e-6;
         println!("unit {unit}, offset {offset}: shift {shift:.2e}, {:?}", found.verdict);
         assert_eq!(found.verdict, plain.verdict, "unit {unit}, offset {offset}: {:?}", found.warnings);
         assert!(shift < precision, "unit {unit}, offset {offset}: {shift}");
