@@ -67,6 +67,25 @@ pub fn mean<L: Learner>(learner: &L, parameters: &[f64], states: &[&L::State], g
     shares.iter().map(|(sum, _)| sum).sum::<f64>() * scale
 }
 
+/// Compare the gradient of the mean loss with central differences.
+#[cfg(test)]
+pub fn check_gradient<L: Learner>(learner: &L, at: &[f64], states: &[L::State], case: &str) {
+    let states: Vec<&L::State> = states.iter().collect();
+    let mut gradient = vec![0.0; at.len()];
+    mean(learner, at, &states, Some(&mut gradient));
+    let largest = gradient.iter().fold(0.0_f64, |a, b| a.max(b.abs()));
+    assert!(largest > 1e-3, "{case}: {largest}");
+    for i in 0..at.len() {
+        let cost = |step: f64| {
+            let mut moved = at.to_vec();
+            moved[i] += step;
+            mean(learner, &moved, &states, None)
+        };
+        let difference = (cost(1e-5) - cost(-1e-5)) / 2e-5;
+        assert!((difference - gradient[i]).abs() < 1e-6 * largest.max(1.0), "{case} {i}: {difference} {}", gradient[i]);
+    }
+}
+
 /// Return the loss of one state from its columns Y (features x width, column by column): r, A and the perturbations after C; where
 /// `slopes` is not empty, write d loss / dY there.
 ///

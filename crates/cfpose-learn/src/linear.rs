@@ -291,7 +291,7 @@ impl Root {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::learner::mean;
+    use crate::learner::check_gradient;
     use cfpose_lab::seed::data_stream;
 
     const TEXT: &str = r#"
@@ -332,24 +332,7 @@ sampling = "independent"
             let mut rng = data_stream(1, 1);
             let mut at = learner.start(&states, &mut rng).unwrap();
             at.iter_mut().for_each(|p| *p += 0.2 * rng.sample::<f64, _>(StandardNormal));
-            let states: Vec<&LinearState> = states.iter().collect();
-            let mut gradient = vec![0.0; at.len()];
-            mean(&learner, &at, &states, Some(&mut gradient));
-            let largest = gradient.iter().fold(0.0_f64, |a, b| a.max(b.abs()));
-            assert!(largest > 1e-3, "{largest}");
-            for i in 0..at.len() {
-                let cost = |step: f64| {
-                    let mut moved = at.clone();
-                    moved[i] += step;
-                    mean(&learner, &moved, &states, None)
-                };
-                let difference = (cost(1e-5) - cost(-1e-5)) / 2e-5;
-                assert!(
-                    (difference - gradient[i]).abs() < 1e-6 * largest.max(1.0),
-                    "{i}: {difference} {}",
-                    gradient[i]
-                );
-            }
+            check_gradient(&learner, &at, &states, ridge);
         }
     }
 }

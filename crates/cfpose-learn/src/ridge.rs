@@ -320,7 +320,7 @@ impl Learner for RidgeLearner<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::learner::mean;
+    use crate::learner::check_gradient;
     use crate::sample::Sampler;
     use crate::vary::Split;
     use cfpose_lab::Lab;
@@ -339,24 +339,7 @@ mod tests {
             let look = |s: &Scene, t: &[f64], d, r: &mut ChaCha12Rng| learner.observe(s, t, d, r);
             let states = sampler.about_truth(Split::Training, 3, 3, look).unwrap();
             let at = learner.start(&states, &mut data_stream(1, 1)).unwrap();
-            let states: Vec<&RidgeState> = states.iter().collect();
-            let mut gradient = vec![0.0; at.len()];
-            mean(&learner, &at, &states, Some(&mut gradient));
-            let largest = gradient.iter().fold(0.0_f64, |a, b| a.max(b.abs()));
-            assert!(largest > 1e-3, "{largest}");
-            for i in 0..at.len() {
-                let cost = |step: f64| {
-                    let mut moved = at.clone();
-                    moved[i] += step;
-                    mean(&learner, &moved, &states, None)
-                };
-                let difference = (cost(1e-5) - cost(-1e-5)) / 2e-5;
-                assert!(
-                    (difference - gradient[i]).abs() < 1e-6 * largest.max(1.0),
-                    "{kind} {i}: {difference} {}",
-                    gradient[i]
-                );
-            }
+            check_gradient(&learner, &at, &states, kind);
         }
     }
 }

@@ -124,6 +124,28 @@ pub struct Outcome {
 }
 
 impl Outcome {
+    /// Make the outcome of a theta that nothing was solved from: no evaluations, no trace.
+    ///
+    /// ```
+    /// use cfpose_optim::{Outcome, Status};
+    /// let outcome = Outcome::unsolved(vec![0.5], 2.0, Status::Deadline, "no time");
+    /// assert!(outcome.usable() && outcome.counts.residuals == 0);
+    /// ```
+    #[must_use]
+    pub fn unsolved(theta: Vec<f64>, cost: f64, status: Status, message: &str) -> Self {
+        Self {
+            theta,
+            cost,
+            violation: 0.0,
+            status,
+            message: message.to_string(),
+            gradient_norm: f64::NAN,
+            counts: Counts::default(),
+            seconds: 0.0,
+            trace: Vec::new(),
+        }
+    }
+
     /// Say whether the best point may be used: the status allows it, the cost is finite, and no constraint is violated by more
     /// than 1e-6.
     pub fn usable(&self) -> bool {

@@ -5,7 +5,6 @@ use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
 use cfpose_optim::manifold::Manifold;
-use cfpose_optim::outcome::Counts;
 use cfpose_optim::{Interrupt, LeastSquares, Observer, Outcome, Status};
 
 use crate::criteria::Criteria;
@@ -301,17 +300,8 @@ impl Estimator {
         } else {
             "no start led to a plausible theta: in front of the camera, facing it"
         };
-        let outcome = Outcome {
-            theta: ambient.clone(),
-            cost: f64::INFINITY,
-            violation: 0.0,
-            status: search.interrupt.status().unwrap_or(Status::Stalled),
-            message: message.to_string(),
-            gradient_norm: f64::NAN,
-            counts: Counts::default(),
-            seconds: 0.0,
-            trace: Vec::new(),
-        };
+        let status = search.interrupt.status().unwrap_or(Status::Stalled);
+        let outcome = Outcome::unsolved(ambient.clone(), f64::INFINITY, status, message);
         let minimised = Minimised {
             stage: stage.stage.clone(),
             theta: ambient,

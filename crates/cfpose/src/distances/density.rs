@@ -3,7 +3,7 @@
 use cfpose_kernel::points::{Points, PointsError};
 
 use super::neighbours::Neighbours;
-use super::sampling::even_cells;
+use super::sampling::{even_cells, first_of_cells};
 
 /// Neighbours whose distance tells what a point stands for, the point itself included.
 const NEIGHBOURS: usize = 7;
@@ -24,9 +24,7 @@ pub fn one_per_cell(points: &Points, size: f64) -> Result<Vec<usize>, String> {
     if !(size > 0.0 && size.is_finite()) {
         return Err(format!("cells of size {size} hold no points; give a size above 0"));
     }
-    let mut seen = std::collections::HashSet::new();
-    let cell = |k: usize| -> [i64; 3] { points.point(k).map(|x| (x / size).floor() as i64) };
-    Ok((0..points.len()).filter(|k| seen.insert(cell(*k))).collect())
+    Ok(first_of_cells(points, |_, x| x / size))
 }
 
 /// Return the rows (from 0) of at most `limit` points that cover a set evenly; `None` where all are few enough.

@@ -162,10 +162,11 @@ pub(super) fn even_cells(points: &Points, limit: usize) -> Option<Vec<usize>> {
     }
     // Cells per size of the set, by bisection.
     let (mut coarse, mut fine) = (2.0_f64, 400.0_f64);
-    let mut kept = first_of_cells(points, &bounds, size, coarse);
+    let kept_of = |cells: f64| first_of_cells(points, |d, x| (x - bounds[d].0) / size * cells);
+    let mut kept = kept_of(coarse);
     for _ in 0..9 {
         let middle = (coarse * fine).sqrt();
-        let rows = first_of_cells(points, &bounds, size, middle);
+        let rows = kept_of(middle);
         if rows.len() <= limit {
             (coarse, kept) = (middle, rows);
         } else {
@@ -175,13 +176,13 @@ pub(super) fn even_cells(points: &Points, limit: usize) -> Option<Vec<usize>> {
     Some(kept)
 }
 
-/// Return the first point of every cell.
-fn first_of_cells(points: &Points, bounds: &[(f64, f64)], size: f64, cells: f64) -> Vec<usize> {
+/// Return the first point of every cell; `place` gives the cell of a coordinate.
+pub(super) fn first_of_cells(points: &Points, place: impl Fn(usize, f64) -> f64) -> Vec<usize> {
     let mut seen = std::collections::HashSet::new();
     let cell = |k: usize| -> [i64; 3] {
-        std::array::from_fn(|d| {
-            bounds.get(d).map_or(0, |(low, _)| ((points.column(d)[k] - low) / size * cells).floor() as i64)
-        })
+        let mut cell = [0; 3];
+        (0..points.dim()).for_each(|d| cell[d] = place(d, points.column(d)[k]).floor() as i64);
+        cell
     };
     (0..points.len()).filter(|k| seen.insert(cell(*k))).collect()
 }

@@ -1,6 +1,6 @@
 //! How a stage is solved, in the steps of docs/method.md: once, weighted, continuously, and what the statistics say.
 
-use cfpose_optim::{Control, Counts, LeastSquares, Outcome, SolveError, Solver, Status, Stopping};
+use cfpose_optim::{Control, LeastSquares, Outcome, SolveError, Solver, Status, Stopping};
 
 use super::candidate::{By, Candidate, WeightedAt};
 use super::continuous::Continuous;
@@ -200,17 +200,8 @@ impl ReadyStage {
     pub fn unsolved(&self, theta: &[f64], parts: &Parts) -> Candidate {
         let theta = self.adopt(theta, parts);
         let (residual, _) = self.problem.unweighted(&theta, false);
-        let outcome = Outcome {
-            theta: theta.clone(),
-            cost: cfpose_optim::problem::half_squared_norm(&residual),
-            violation: 0.0,
-            status: Status::Cancelled,
-            message: String::new(),
-            gradient_norm: f64::NAN,
-            counts: Counts::default(),
-            seconds: 0.0,
-            trace: Vec::new(),
-        };
+        let cost = cfpose_optim::problem::half_squared_norm(&residual);
+        let outcome = Outcome::unsolved(theta.clone(), cost, Status::Cancelled, "not solved");
         let problem = self.problem.clone();
         self.candidate(Progress { theta, outcome, problem, weighted_at: None, sampling: None }, parts)
     }
