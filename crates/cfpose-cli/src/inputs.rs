@@ -1,5 +1,6 @@
 //! From arguments and files to an estimator.
 
+mod beforehand;
 mod cameras;
 mod files;
 mod weights;
@@ -67,11 +68,10 @@ pub fn load(args: &ProblemArgs, registry: &Registry) -> Result<Loaded, Failure> 
     let names: Vec<String> = columns(&model.layout).into_iter().map(|column| column.name).collect();
     let free = free_columns(args, &model.layout)?;
     settings.free = args.free.is_some().then(|| free.clone());
-    settings.start = starts::parse(
-        &args.start,
-        &starts::Context { model: &args.model, layout: &model.layout, form, depth: args.depth },
-        registry,
-    )?;
+    let context = starts::Context { model: &args.model, layout: &model.layout, form, depth: args.depth };
+    settings.start = starts::parse(&args.start, &context, registry)?;
+    settings.bounds = beforehand::bounds(args, &model.layout)?;
+    settings.prior = beforehand::prior(args, &context)?;
     output::check_writable(args.json.as_deref())?;
     let files = files::read_both(args)?;
     let (source, target) = (files[0].points.clone(), files[1].points.clone());

@@ -1,6 +1,6 @@
 //! The result of `estimate`: the JSON object of the contract and the table for people.
 
-use cfpose::estimator::{By, Evidence, Minimised, StageReport, Undetermined};
+use cfpose::estimator::{By, Evidence, Minimised, PriorReport, StageReport, Undetermined};
 use cfpose::theta::RotationForm;
 use cfpose::{Estimate, Pose};
 use serde::Serialize;
@@ -59,6 +59,8 @@ pub struct Report {
     stray_source: Vec<usize>,
     /// Directions of theta that the points do not determine.
     undetermined: Vec<Undetermined>,
+    /// What became of the prior.
+    prior: Option<PriorReport>,
     /// The covariance for turns about the middle of the source and shifts of its image.
     covariance_at_centroid: Option<Vec<Vec<f64>>>,
     /// What each stage of the estimator did.
@@ -166,6 +168,7 @@ impl Report {
             stray: estimate.stray[1].clone(),
             stray_source: estimate.stray[0].clone(),
             undetermined: estimate.undetermined.clone(),
+            prior: estimate.prior,
             covariance_at_centroid: statistics.and_then(|s| s.covariance_at_centroid.as_deref()).map(square),
             stages: estimate.stages.clone(),
             by: estimate.by,
@@ -221,6 +224,14 @@ impl Report {
         }
         if let (Some(j), Some(dof), Some(p)) = (self.j_statistic, self.degrees_of_freedom, self.p_value) {
             rows.push(vec!["J".into(), format!("{} with {dof} degrees of freedom, p = {}", number(j), number(p))]);
+        }
+        if let Some(prior) = &self.prior {
+            let (square, dof, p) = (number(prior.chi_square), prior.degrees_of_freedom, number(prior.p_value));
+            let used = if prior.used { "joined" } else { "left out" };
+            rows.push(vec![
+                "prior".into(),
+                format!("{used}: chi-square {square} with {dof} degrees of freedom, p = {p}"),
+            ]);
         }
         if let Some(sigma) = self.noise_sigma {
             rows.push(vec!["noise".into(), number(sigma)]);

@@ -62,7 +62,10 @@ pub fn theta(list: &[f64], flag: &str, layout: &Layout, form: RotationForm) -> R
 }
 
 /// Read thetas from a file: a result of `estimate`, poses in any form of `pose convert`, one theta a line, or one theta.
-fn from_file(path: &Path, context: &Context<'_>) -> Result<Vec<Vec<f64>>, Failure> {
+///
+/// # Errors
+/// Input for a file that holds none.
+pub fn from_file(path: &Path, context: &Context<'_>) -> Result<Vec<Vec<f64>>, Failure> {
     let Context { layout, form, depth, .. } = *context;
     let text = std::fs::read_to_string(path).map_err(|error| match error.kind() {
         std::io::ErrorKind::NotFound => fail(path, &"there is no such file; check the name and the folder"),

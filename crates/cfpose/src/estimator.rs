@@ -8,8 +8,9 @@ use cfpose_optim::manifold::Manifold;
 use cfpose_optim::{Interrupt, LeastSquares, Observer, Outcome, Status};
 
 use crate::criteria::Criteria;
-use crate::entry::BuildContext;
+use crate::entry::{BuildContext, BuildError};
 use crate::error::Error;
+use crate::geometry::bounds::{Bounds, Inside};
 use crate::geometry::centred::Centred;
 use crate::geometry::free::Freedom;
 use crate::geometry::linalg::congruent;
@@ -31,6 +32,7 @@ mod outliers;
 mod pipeline;
 mod points;
 mod preset;
+mod prior;
 mod ransac;
 mod read_off;
 mod run;
@@ -47,10 +49,12 @@ pub use candidate::{By, Minimised, WeightedAt};
 pub use estimate::{Alternative, Estimate, StageReport};
 pub use pipeline::{NoiseModel, Outliers, Pipeline, PointsStage, Stage};
 pub use points::Evidence;
+pub use prior::{Prior, PriorReport};
 pub use settings::{PRESETS, Settings, Start};
 pub use undetermined::Undetermined;
 pub use verdict::Verdict;
 
+use prior::ReadyPrior;
 use search::{Search, Stages};
 use workbench::Data;
 
@@ -78,7 +82,11 @@ struct Parts {
     criteria: Criteria,
     /// What is free, and the values of the rest.
     freedom: Option<Freedom>,
-    /// What a step of theta means, where it is not the model's own: some parameters free, or turns about the centre.
+    /// Where theta may be.
+    bounds: Option<Arc<Bounds>>,
+    /// What is known of theta beforehand.
+    prior: Option<ReadyPrior>,
+    /// What a step of theta means, where it is not the model's own: some parameters free, turns about the centre, bounds.
     manifold: Option<Arc<dyn Manifold>>,
     /// The latter.
     centred: Option<Centred>,
@@ -88,9 +96,27 @@ struct Parts {
 }
 
 impl Parts {
-    /// Give what is fixed its value.
+    /// Give what is fixed its value and move what is outside of the bounds inside.
     fn hold(&self, theta: &[f64]) -> Vec<f64> {
-        self.freedom.as_ref().map_or_else(|| theta.to_vec(), |freedom| freedom.hold(theta))
+        let mut held = self.freedom.as_ref().map_or_else(|| theta.to_vec(), |freedom| freedom.hold(theta));
+        if let Some(bounds) = &self.bounds {
+            bounds.clip(&mut held);
+        }
+        held
+    }
+
+    /// The same for the start of a number that a strategy proposed: it keeps its place among the others.
+    fn hold_start(&self, theta: &[f64], number: usize) -> Vec<f64> {
+        let mut inside = theta.to_vec();
+        if let Some(bounds) = &self.bounds {
+            bounds.draw_inside(&mut inside, self.settings.seed, number);
+        }
+        self.hold(&inside)
+    }
+
+    /// Say whether theta is within the bounds.
+    fn admits(&self, theta: &[f64]) -> bool {
+        self.bounds.as_ref().is_none_or(|bounds| bounds.violated(theta).is_empty())
     }
 }
 
@@ -150,8 +176,19 @@ impl Estimator {
         let centred = (freedom.is_none() && pipeline.points.is_some()).then(|| centred(&model, &data.source)).flatten();
         let free = freedom.as_ref().map(|freedom| Arc::new(freedom.manifold().clone()) as Arc<dyn Manifold>);
         let manifold = free.or_else(|| Some(Arc::new(centred.clone()?) as Arc<dyn Manifold>));
+        let bounds = bounds_of(&model, &settings)?;
+        let manifold = match &bounds {
+            Some(bounds) => {
+                let inner = manifold.unwrap_or_else(|| Arc::new(model.layout.manifold().clone()));
+                Some(Arc::new(Inside { inner, bounds: bounds.clone() }) as Arc<dyn Manifold>)
+            }
+            None => manifold,
+        };
+        let prior = settings.prior.as_ref().map(|prior| ReadyPrior::new(prior, &model.layout)).transpose()?;
         let (registry, execution) = (registry.clone(), execution.clone());
-        let parts = Parts { registry, settings, criteria, freedom, manifold, centred, reference: base, execution };
+        let reference = base;
+        let parts =
+            Parts { registry, settings, criteria, freedom, bounds, prior, manifold, centred, reference, execution };
         // Means, scales and extents are those of the points that belong together.
         let whole = data;
         let data = if pipeline.points.is_some() { whole.without_stray()? } else { whole.clone() };
@@ -214,10 +251,12 @@ impl Estimator {
             (Vec::new(), Vec::new())
         };
         // Cost and status are those of the theta that is returned.
-        let theta = best.theta.clone();
         if usable {
+            let theta = best.theta.clone();
             best.move_to(&theta);
+            search.join_prior(&mut best);
         }
+        let theta = best.theta.clone();
         if let Some(statistics) = best.statistics.as_mut().filter(|_| best.evidence.is_some()) {
             best.deviation = Some(search.deviation(&theta, &statistics.covariance));
             if let Some(centred) = &self.parts.centred {
@@ -258,6 +297,7 @@ impl Estimator {
             clutter: best.clutter,
             refined: best.by == By::Points,
             undetermined: best.undetermined,
+            prior: best.prior,
             evidence: best.evidence,
             stray: self.stray(),
             sampling: best.sampling.map(|s| s.name()),
@@ -328,6 +368,7 @@ impl Estimator {
             clutter: None,
             refined: false,
             undetermined: Vec::new(),
+            prior: None,
             evidence: None,
             stray: self.stray(),
             sampling: None,
@@ -389,6 +430,22 @@ impl Estimator {
     pub fn settings(&self) -> &Settings {
         &self.parts.settings
     }
+}
+
+/// Make the bounds of the settings; a given start has to be inside.
+fn bounds_of(model: &Model, settings: &Settings) -> Result<Option<Arc<Bounds>>, Error> {
+    if settings.bounds.is_empty() {
+        return Ok(None);
+    }
+    let bounds = Bounds::new(&model.layout, &settings.bounds)?;
+    for start in settings.given_starts() {
+        if let Some(column) = bounds.violated(start).first() {
+            let problem =
+                format!("the start is outside the bounds of {}: move it inside or widen them", bounds.name(*column));
+            return Err(BuildError::Data { name: "bounds".to_string(), problem }.into());
+        }
+    }
+    Ok(Some(Arc::new(bounds)))
 }
 
 /// Return the manifold of turns about the middle of the source, for linear maps of points as they are.

@@ -62,6 +62,12 @@ pub struct ProblemArgs {
     /// Only these parameters move: rx,ry,rz,tx,ty,tz; the others stay as --start gives them
     #[arg(long, value_name = "NAMES", value_delimiter = ',')]
     pub free: Option<Vec<String>>,
+    /// Where parameters may be: tz=0.5..3,rz=-30deg..30deg (names as --free lists them; rotations by Euler angles, R = Rz Ry Rx)
+    #[arg(long, value_name = "NAME=LOW..HIGH", value_delimiter = ',', allow_hyphen_values = true)]
+    pub bounds: Option<Vec<String>>,
+    /// What is known beforehand: JSON with "theta", "rotation_form", "covariance", such as another result; joined with the data
+    #[arg(long, value_name = "FILE")]
+    pub prior: Option<PathBuf>,
     /// Whose axes the names of --free mean: camera, or robot (x y z roll pitch yaw of a robot whose camera looks ahead)
     #[arg(long, value_name = "FRAME", default_value = "camera")]
     pub frame: FrameName,

@@ -22,7 +22,8 @@ impl ReadyStage {
             other.extend(nuisance);
         }
         let base = parts.freedom.as_ref().map(|freedom| freedom.at(own));
-        let reachable = |other: &Vec<f64>| base.as_ref().is_none_or(|base| base.admits(other));
+        let is_inside = |other: &Vec<f64>| parts.admits(&other[..self.own()]);
+        let reachable = |other: &Vec<f64>| base.as_ref().is_none_or(|base| base.admits(other)) && is_inside(other);
         findings.theta = findings.theta.filter(&reachable);
         findings.candidates.retain(reachable);
         findings

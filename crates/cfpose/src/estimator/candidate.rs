@@ -10,6 +10,7 @@ use super::Parts;
 use super::modes::Mode;
 use super::pipeline::Stage;
 use super::points::Evidence;
+use super::prior::PriorReport;
 use super::stage::ReadyStage;
 use super::undetermined::Undetermined;
 use super::workbench::Data;
@@ -100,6 +101,8 @@ pub(super) struct Candidate {
     pub modes: Vec<Mode>,
     /// Directions that the points do not determine.
     pub undetermined: Vec<Undetermined>,
+    /// What became of the prior.
+    pub prior: Option<PriorReport>,
     /// Root of the trace of the covariance: radians, lengths in sizes of the source.
     pub deviation: Option<f64>,
     /// Rows of the files that `problem` is about, `None` for all.

@@ -5,6 +5,7 @@ use serde::Serialize;
 
 use super::candidate::{By, Minimised};
 use super::points::Evidence;
+use super::prior::PriorReport;
 use super::undetermined::Undetermined;
 use super::verdict::Verdict;
 use crate::distances::support::Support;
@@ -88,6 +89,8 @@ pub struct Estimate {
     pub evidence: Option<Evidence>,
     /// Directions of theta that the points do not determine; their variances are NaN (null in JSON).
     pub undetermined: Vec<Undetermined>,
+    /// What became of the prior; where one was given.
+    pub prior: Option<PriorReport>,
     /// Rows (from 1) of stray points, source and target, which lie far outside and take no part.
     pub stray: [Vec<usize>; 2],
     /// How the sets were sampled, given or found.

@@ -84,6 +84,8 @@ impl Estimator {
             criteria: self.parts.criteria.clone(),
             manifold: freedom.as_ref().map(|freedom| Arc::new(freedom.manifold().clone()) as Arc<dyn Manifold>),
             freedom,
+            bounds: None,
+            prior: None,
             centred: None,
             reference: minimised.reference.clone(),
             execution: self.parts.execution.clone(),

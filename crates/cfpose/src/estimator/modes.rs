@@ -102,6 +102,9 @@ impl Search<'_> {
                 self.add_copies(&fine, shape, &mut fits);
             }
         }
+        if let Some(prior) = &self.parts.prior {
+            fits.iter_mut().for_each(|fit| fit.log_likelihood += prior.log_density(&fit.theta));
+        }
         fits.sort_by(|a, b| b.log_likelihood.total_cmp(&a.log_likelihood));
         let mut all: Vec<Mode> = Vec::new();
         for fit in fits {

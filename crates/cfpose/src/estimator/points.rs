@@ -99,7 +99,7 @@ impl Search<'_> {
         let (mixture, log_likelihood) = seeing.best_mixture(&mut placed, Kernel::Shape, 10);
         let fit = Fit { theta: theta.clone(), mixture, log_likelihood, iterations: 0, converged: true };
         let mut evidence = self.evidence(modes, &seeing, &placed, &fit, Some(&statistics.covariance));
-        evidence.copies = copying.likely_kernel(theta) == Some(Kernel::Copies);
+        evidence.copies = copying.likely_kernel(theta, criteria.mode_nats) == Some(Kernel::Copies);
         Ok(Some(evidence).filter(|evidence| evidence.unseen_source < 0.05))
     }
 
@@ -108,7 +108,8 @@ impl Search<'_> {
         let target_points = self.pipeline.points.as_ref().map_or(0, |points| points.target_points);
         let Some(full) = self.wide_enough(&chosen.fit, target_points)? else { return Ok(None) };
         // All points say better than some whether they are copies.
-        let kernel = full.likely_kernel(&chosen.fit.theta).unwrap_or(chosen.fit.mixture.kernel);
+        let kernel =
+            full.likely_kernel(&chosen.fit.theta, self.parts.criteria.mode_nats).unwrap_or(chosen.fit.mixture.kernel);
         let Some(fit) = full.ascend_fully(&chosen.fit.theta, kernel, 25) else { return Ok(None) };
         let Some(mut placed) = full.place(&fit.theta, true) else { return Ok(None) };
         full.reweigh(&mut placed, &fit.mixture);

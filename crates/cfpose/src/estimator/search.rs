@@ -85,11 +85,11 @@ impl<'a> Search<'a> {
         self.stages.last()
     }
 
-    /// Say whether the model finds theta plausible: in front of the camera, front-facing.
+    /// Say whether theta is within the bounds and the model finds it plausible: in front of the camera, front-facing.
     pub fn is_plausible(&self, theta: &[f64]) -> bool {
         let stage = self.last();
         let scene = Scene { theta: &theta[..stage.own()], source: &stage.sides.source, target: &stage.sides.target };
-        !(stage.model().examine)(&scene).implausible
+        self.parts.admits(&theta[..stage.own()]) && !(stage.model().examine)(&scene).implausible
     }
 
     /// Solve one stage and count.
@@ -150,6 +150,9 @@ impl<'a> Search<'a> {
         match &settings.start {
             Some(Start::Given(thetas)) => Ok(thetas.clone()),
             Some(Start::Named(name)) => self.proposals(name, self.stages.first()),
+            None if self.parts.prior.is_some() => {
+                Ok(self.parts.prior.iter().map(|prior| self.parts.hold(prior.theta())).collect())
+            }
             None if settings.preset == "paper" => self.proposals("identity", self.stages.first()),
             None => Ok(Vec::new()),
         }
@@ -218,7 +221,7 @@ impl<'a> Search<'a> {
             freedom: self.parts.freedom.as_ref(),
         };
         let proposed = self.parts.registry.start(name)?.starts(&context)?;
-        Ok(proposed.into_iter().map(|theta| self.parts.hold(&theta)).collect())
+        Ok(proposed.iter().enumerate().map(|(number, theta)| self.parts.hold_start(theta, number)).collect())
     }
 
     /// Return how many stages the global starts are screened by; 0 for none.

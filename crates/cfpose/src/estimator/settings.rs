@@ -4,9 +4,11 @@ use cfpose_optim::Stopping;
 
 use super::pipeline::{Pipeline, Stage};
 use super::preset;
+use super::prior::Prior;
 use crate::distances::sampling::Sampling;
 use crate::entry::{BuildError, EntryError};
 use crate::error::Error;
+use crate::geometry::bounds::Bound;
 use crate::geometry::free::Freedom;
 use crate::model::Model;
 
@@ -51,6 +53,10 @@ pub struct Settings {
     pub start: Option<Start>,
     /// Tangent columns that are free, `None` for all; the others keep the value of the (first) given start.
     pub free: Option<Vec<usize>>,
+    /// Bounds on parameters: no start, iterate or answer is outside.
+    pub bounds: Vec<Bound>,
+    /// What is known of theta beforehand.
+    pub prior: Option<Prior>,
     /// Seed of everything random.
     pub seed: u64,
     /// Stopping rules of the solver.
@@ -85,6 +91,8 @@ impl Settings {
             solver: None,
             start: None,
             free: None,
+            bounds: Vec::new(),
+            prior: None,
             seed: 0,
             stopping: Stopping::default(),
             sampling: None,
@@ -138,6 +146,20 @@ impl Settings {
     #[must_use]
     pub fn free(mut self, columns: impl Into<Vec<usize>>) -> Self {
         self.free = Some(columns.into());
+        self
+    }
+
+    /// Bound parameters.
+    #[must_use]
+    pub fn bounds(mut self, bounds: impl Into<Vec<Bound>>) -> Self {
+        self.bounds = bounds.into();
+        self
+    }
+
+    /// State what is known of theta beforehand.
+    #[must_use]
+    pub fn prior(mut self, prior: Prior) -> Self {
+        self.prior = Some(prior);
         self
     }
 

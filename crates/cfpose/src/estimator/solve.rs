@@ -188,6 +188,7 @@ impl ReadyStage {
             evidence: None,
             modes: Vec::new(),
             undetermined: Vec::new(),
+            prior: None,
             deviation: None,
             kept_source: None,
             kept_target: None,

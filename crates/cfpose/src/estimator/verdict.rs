@@ -79,9 +79,31 @@ pub(super) fn reasons(candidate: &Candidate, stage: &ReadyStage, parts: &Parts) 
     if candidate.by == By::Moments {
         reasons.extend(by_means(candidate, stage, &parts.criteria));
     }
+    reasons.extend(beforehand(candidate, stage, parts));
     if let Some(share) = candidate.clutter.filter(|share| *share > 0.0) {
         let text = format!("{:.1} % of the target points are outliers", 100.0 * share);
         reasons.push((text, if share > parts.criteria.max_clutter { Weight::Doubt } else { Weight::Note }));
+    }
+    reasons
+}
+
+/// What was known beforehand has against a candidate.
+fn beforehand(candidate: &Candidate, stage: &ReadyStage, parts: &Parts) -> Vec<(String, Weight)> {
+    let mut reasons = Vec::new();
+    if let Some(report) = candidate.prior.filter(|report| !report.used) {
+        let (square, dof) = (report.chi_square, report.degrees_of_freedom);
+        let text = format!(
+            "the prior disagrees with the data (chi-square {square:.0}, {dof} degrees of freedom) and is left out"
+        );
+        reasons.push((text, Weight::Doubt));
+    }
+    if parts.prior.is_some() && candidate.prior.is_none() {
+        let text = "the prior is left out: this fit has no covariance to weigh it against (`auto` has one)";
+        reasons.push((text.to_string(), Weight::Doubt));
+    }
+    let bounds = parts.bounds.as_ref();
+    for name in bounds.map(|bounds| bounds.reached(&candidate.theta[..stage.own()])).unwrap_or_default() {
+        reasons.push((format!("{name} ends at its bound: the data may ask for a value beyond"), Weight::Doubt));
     }
     reasons
 }

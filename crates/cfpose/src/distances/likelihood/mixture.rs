@@ -24,10 +24,12 @@ impl PointsLikelihood<'_> {
         self.settled(placed, mixture, self.log_likelihood(placed, &mixture))
     }
 
-    /// Return the kernel that is more likely at theta.
-    pub fn likely_kernel(&self, theta: &[f64]) -> Option<Kernel> {
+    /// Return the kernel that is more likely at theta. Where noise hides the spacing the two are nearly the same: copies have to be
+    /// ahead by `nats`, because a shape knows less.
+    pub fn likely_kernel(&self, theta: &[f64], nats: f64) -> Option<Kernel> {
         let value = |kernel| Some(self.best_mixture(&mut self.place(theta, false)?, kernel, 12).1);
-        Some(if value(Kernel::Copies)? > value(Kernel::Shape)? { Kernel::Copies } else { Kernel::Shape })
+        let ahead = value(Kernel::Copies)? - value(Kernel::Shape)?;
+        Some(if ahead > nats { Kernel::Copies } else { Kernel::Shape })
     }
 
     fn likely_mixture(&self, placed: &Placed, kernel: Kernel, grid: usize) -> (Mixture, f64) {
