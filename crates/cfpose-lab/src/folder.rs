@@ -4,7 +4,7 @@
 //! * `trials.jsonl` (whole run) or `trials-I-of-N.jsonl` (shard): one record a line, appended as trials end. Only the run that
 //!   holds the file's lock writes it (`folder/lock.rs`).
 //! * `earlier.json`: fingerprints of the smaller experiments that the folder held before it grew.
-//! * `results.csv`, `timings.csv`, `summary.json`, `tables.md`, `report.html`, where there are several record files also
+//! * `results.csv`, `timings.csv`, `summary.json`, `statistics.json`, `tables.md`, `report.html`, where there are several record files also
 //!   `records.jsonl`, and last `manifest.json`: made from the records.
 
 pub(crate) mod lock;
@@ -128,7 +128,7 @@ pub fn record_files(folder: &Path) -> Result<Vec<PathBuf>, LabError> {
 /// [`LabError::Io`] for a folder that is there and cannot be read.
 pub fn own_files(folder: &Path) -> Result<Vec<PathBuf>, LabError> {
     let names = [EXPERIMENT, TRIALS, RECORDS, EARLIER, "results.csv", "timings.csv", "summary.json", "tables.md"];
-    let names = names.into_iter().chain(["report.html", "manifest.json"]);
+    let names = names.into_iter().chain(["statistics.json", "report.html", "manifest.json"]);
     let mut files: Vec<PathBuf> = names.map(|name| folder.join(name)).collect();
     if folder.is_dir() {
         for inner in result_folders(folder)? {

@@ -12,6 +12,7 @@ use crate::folder::lock::FolderLock;
 use crate::folder::{
     EXPERIMENT, RECORDS, earlier, lines_of, read_text, record_files, records_if_there, result_folders, write_whole,
 };
+use crate::group::groups;
 use crate::lab::Lab;
 use crate::plan::Plan;
 use crate::record::{DataHashes, Record, VERSION};
@@ -246,10 +247,10 @@ pub(crate) fn write_tables(folder: &Path, collected: Collected, _lock: &FolderLo
     write("summary.json", &pretty(&json!(rows)))?;
     let conditions = condition_tables(&collected.records);
     write("tables.md", &format!("{}{conditions}", tables(&collected.experiment, &rows)))?;
-    write(
-        "report.html",
-        &report::html(&collected.experiment, &rows, collected.records.len(), collected.plan.num_records()),
-    )?;
+    let Collected { experiment, plan, records, .. } = &collected;
+    write("statistics.json", &format!("{}\n", report::statistics_json(experiment, plan, records)))?;
+    let contents = report::Contents { experiment, plan, records, rows: &rows, name: &name_of(folder) };
+    write("report.html", &report::html(&contents))?;
     // Last: a manifest says that the other files are there.
     write_whole(&folder.join("manifest.json"), &pretty(&manifest(&collected, &files)))?;
     Ok(Merged {
@@ -259,6 +260,29 @@ pub(crate) fn write_tables(folder: &Path, collected: Collected, _lock: &FolderLo
         records: collected.records.len(),
         expected: collected.plan.num_records(),
     })
+}
+
+/// Return the name of a folder of results: that of its experiment where `run` chose it.
+fn name_of(folder: &Path) -> String {
+    let whole = std::path::absolute(folder).unwrap_or_else(|_| folder.to_path_buf());
+    whole.file_name().unwrap_or(folder.as_os_str()).to_string_lossy().into_owned()
+}
+
+/// Write figures as SVG, tables of statistics as LaTeX, from the records of a folder; returns the files.
+///
+/// # Errors
+/// As [`merge`].
+pub fn export(lab: &Lab, folder: &Path, svg: Option<&Path>, latex: Option<&Path>) -> Result<Vec<PathBuf>, LabError> {
+    let collected = collect(lab, folder)?;
+    let groups = groups(&collected.experiment, &collected.plan, &collected.records);
+    let mut files = Vec::new();
+    if let Some(to) = svg {
+        files.extend(report::export::write_svg(&groups, to)?);
+    }
+    if let Some(to) = latex {
+        files.extend(report::export::write_latex(&groups, to)?);
+    }
+    Ok(files)
 }
 
 /// Render the summary and, where the experiment names printed figures, the comparison with them.

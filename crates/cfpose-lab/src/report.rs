@@ -1,13 +1,39 @@
-//! Files made from records: CSV tables and a self-contained page.
+//! Files made from records: CSV tables, a self-contained page, figures and tables for papers.
 
-use std::fmt::Write;
+pub(crate) mod export;
+mod html;
+pub mod latex;
+mod summary;
 
-use serde_json::Value;
+use serde_json::{Value, json};
 
 use crate::config::Experiment;
+use crate::group::groups;
+use crate::plan::Plan;
 use crate::record::Record;
-use crate::summary::SummaryRow;
-use crate::table::{self, show};
+use crate::statistics;
+use crate::table::show;
+
+pub use html::{Contents, html};
+
+/// Return `statistics.json`: for every group of trials and every statistic one object with its table.
+pub fn statistics_json(experiment: &Experiment, plan: &Plan, records: &[Record]) -> Value {
+    let mut all = Vec::new();
+    for group in groups(experiment, plan, records) {
+        for entry in statistics::ALL {
+            let Some(table) = (entry.compute)(&group) else { continue };
+            all.push(json!({
+                "scenario": group.scenario,
+                "cell": group.cell,
+                "parameters": group.parameters,
+                "statistic": entry.name,
+                "columns": table.columns,
+                "rows": table.rows,
+            }));
+        }
+    }
+    Value::Array(all)
+}
 
 /// Return `results.csv`: one row a record, in the order given, without any time.
 pub fn results_csv(records: &[Record]) -> String {
@@ -80,72 +106,4 @@ fn quoted(cell: &str) -> String {
 
 fn escaped(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
-}
-
-const STYLE: &str = "body{font:15px/1.5 system-ui,sans-serif;max-width:72em;margin:2em auto;padding:0 1em;color:#222}\
-table{border-collapse:collapse;margin:1em 0}td,th{padding:.25em .7em;border-bottom:1px solid #ddd;text-align:right}\
-th{background:#f4f4f4}pre{background:#f7f7f7;padding:1em;overflow:auto}svg{vertical-align:middle}";
-
-/// Return `report.html`: a table with intervals drawn, the comparison with printed figures, the experiment. No file, font
-/// or script from elsewhere is needed.
-pub fn html(experiment: &Experiment, rows: &[SummaryRow], records: usize, expected: usize) -> String {
-    let mut page = format!(
-        "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><title>cfpose experiment {fingerprint}</title>\
-         <style>{STYLE}</style></head><body>\n<h1>Experiment {fingerprint}</h1>\n\
-         <p>{records} of {expected} records, seed {seed}. Bars: success rate with its 95 % Wilson interval. \
-         Medians are over all trials.</p>\n",
-        fingerprint = experiment.fingerprint(),
-        seed = experiment.seed,
-    );
-    page.push_str(&summary_html(rows));
-    let published = table::published_tables(experiment, rows);
-    if !published.is_empty() {
-        let _ = write!(page, "<h2>Beside printed figures</h2>\n<pre>{}</pre>\n", escaped(&published));
-    }
-    let _ =
-        write!(page, "<h2>Resolved experiment</h2>\n<pre>{}</pre>\n</body></html>\n", escaped(&experiment.to_toml()));
-    page
-}
-
-fn summary_html(rows: &[SummaryRow]) -> String {
-    let varying = table::varying_parameters(rows);
-    let parameters: String = varying.iter().map(|name| format!("<th>{}</th>", escaped(name))).collect();
-    let mut text = format!(
-        "<table><tr><th>scenario</th>{parameters}<th>method</th><th>trials</th><th>success</th><th>95 % interval</th>\
-         <th></th><th>median e</th><th>median rotation, deg</th><th>median translation</th><th>wrong but good</th>\
-         <th>median ms</th></tr>\n"
-    );
-    for row in rows {
-        let mut cells = vec![escaped(&row.scenario)];
-        cells.extend(varying.iter().map(|name| escaped(&show(row.parameters.get(name)))));
-        let fixed = |value: Option<f64>, digits| value.map_or_else(|| "-".to_string(), |v| format!("{v:.digits$}"));
-        let percent = |fraction: f64| format!("{:.1}", 100.0 * fraction);
-        cells.extend([
-            escaped(&row.method),
-            row.trials.to_string(),
-            row.success_rate.map_or_else(|| "-".to_string(), |rate| format!("{} %", percent(rate))),
-            format!("{} .. {}", percent(row.wilson95[0]), percent(row.wilson95[1])),
-            bar(row),
-            fixed(row.median_error, 5),
-            fixed(row.median_rotation_deg, 4),
-            fixed(row.median_translation, 5),
-            row.wrong_but_good.to_string(),
-            fixed(row.median_seconds.map(|s| 1e3 * s), 1),
-        ]);
-        let cells: String = cells.iter().map(|cell| format!("<td>{cell}</td>")).collect();
-        let _ = writeln!(text, "<tr>{cells}</tr>");
-    }
-    text + "</table>\n"
-}
-
-/// Draw a rate and its interval.
-fn bar(row: &SummaryRow) -> String {
-    let Some(rate) = row.success_rate else { return String::new() };
-    let [low, high] = row.wilson95.map(|x| 160.0 * x);
-    format!(
-        "<svg width=\"162\" height=\"14\"><rect width=\"160\" height=\"14\" fill=\"#eee\"/>\
-         <rect width=\"{:.1}\" height=\"14\" fill=\"#8ab6d6\"/>\
-         <path d=\"M{low:.1} 7H{high:.1}M{low:.1} 3v8M{high:.1} 3v8\" stroke=\"#123\" fill=\"none\"/></svg>",
-        160.0 * rate
-    )
 }
