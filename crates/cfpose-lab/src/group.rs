@@ -151,7 +151,8 @@ fn problems<'a>(plan: &Plan, records: &'a [Record]) -> Vec<Vec<Problem<'a>>> {
     let methods: BTreeMap<&str, usize> = plan.methods.iter().enumerate().map(|(m, name)| (name.as_str(), m)).collect();
     let mut by_key: BTreeMap<u64, Vec<Option<&Record>>> = BTreeMap::new();
     for record in records {
-        let (Ok(key), Some(method)) = (u64::from_str_radix(&record.key, 16), methods.get(record.method.as_str())) else {
+        let (Ok(key), Some(method)) = (u64::from_str_radix(&record.key, 16), methods.get(record.method.as_str()))
+        else {
             continue;
         };
         by_key.entry(key).or_insert_with(|| vec![None; plan.methods.len()])[*method] = Some(record);

@@ -285,6 +285,26 @@ pub fn export(lab: &Lab, folder: &Path, svg: Option<&Path>, latex: Option<&Path>
     Ok(files)
 }
 
+/// Put the results of a folder into a page in Markdown: in the place of the section that has the folder's name, else at its end. The
+/// rest of the page stays; the day is that of the newest record file.
+///
+/// # Errors
+/// As [`merge`]; [`LabError::Io`] for a page that cannot be read or written.
+pub fn document(lab: &Lab, folder: &Path, page: &Path) -> Result<(), LabError> {
+    let collected = collect(lab, folder)?;
+    let rows = summarise(&collected.plan, &collected.records);
+    let seconds = |path: &PathBuf| {
+        let written = std::fs::metadata(path).and_then(|file| file.modified()).ok()?;
+        written.duration_since(std::time::UNIX_EPOCH).ok().map(|since| since.as_secs())
+    };
+    let newest = collected.files.iter().filter_map(|(path, _)| seconds(path)).max().unwrap_or(0);
+    let Collected { experiment, plan, records, .. } = &collected;
+    let (name, day) = (name_of(folder), report::docs::day_of(newest));
+    let section = report::docs::Section { name: &name, day: &day, experiment, plan, records, rows: &rows };
+    let current = if page.is_file() { read_text(page)? } else { String::new() };
+    write_whole(page, &section.into_page(&current))
+}
+
 /// Render the summary and, where the experiment names printed figures, the comparison with them.
 pub fn tables(experiment: &Experiment, rows: &[SummaryRow]) -> String {
     let published = table::published_tables(experiment, rows);

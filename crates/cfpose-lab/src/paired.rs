@@ -3,12 +3,12 @@
 use std::collections::BTreeMap;
 use std::fmt::Write;
 
-use rand::RngExt;
 use crate::record::Record;
 use crate::seed::data_stream;
 use crate::statistics::entries::mcnemar::mcnemar;
 use crate::statistics::{holm, median, quantile, wilson95};
 use crate::table::show;
+use rand::RngExt;
 
 /// Resamples of an interval of a radius.
 const RESAMPLES: usize = 2000;

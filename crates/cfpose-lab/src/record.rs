@@ -124,8 +124,7 @@ pub struct Record {
 }
 
 /// Numbers of residual evaluations after which a trace is read.
-pub const BUDGETS: [usize; 20] =
-    [1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128, 192, 256, 384, 512, 768, 1024];
+pub const BUDGETS: [usize; 20] = [1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128, 192, 256, 384, 512, 768, 1024];
 
 fn is_zero(value: &usize) -> bool {
     *value == 0

@@ -1,5 +1,6 @@
 //! Files made from records: CSV tables, a self-contained page, figures and tables for papers.
 
+pub mod docs;
 pub(crate) mod export;
 mod html;
 pub mod latex;

@@ -15,11 +15,11 @@ use crate::calibration::estimate_mahalanobis;
 use crate::config::Experiment;
 use crate::lab::Lab;
 use crate::method::{Method, SCENARIO_START};
+use crate::path::{Trace, start_offset};
 use crate::plan::{Cell, PlannedTrial};
 use crate::record::{DataHashes, Record, VERSION};
 use crate::scenario::{Determined, Scenario, ScenarioError, Trial};
 use crate::seed::{data_stream, method_seed};
-use crate::path::{Trace, start_offset};
 use crate::value::json_of;
 
 /// What all trials of a run share.
@@ -150,7 +150,8 @@ impl Bench<'_> {
         let solved = self.prepare(scenario, trial, planned, method).and_then(|estimator| {
             let deadline = self.experiment.deadline_secs.map(Duration::from_secs_f64);
             let mut trace = Trace::default();
-            let estimate = estimator.solve(Supervision { cancel: self.cancel, deadline, observer: Some(&mut trace) })?;
+            let estimate =
+                estimator.solve(Supervision { cancel: self.cancel, deadline, observer: Some(&mut trace) })?;
             record.trace = trace.costs();
             Ok((estimator, estimate))
         });

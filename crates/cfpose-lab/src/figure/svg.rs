@@ -6,8 +6,7 @@ use super::ticks::Ruler;
 use super::{FieldMap, Figure, Point, Scale, Series, Style};
 
 /// Colours that people with any colour vision tell apart (Okabe and Ito 2008), darkened where they are pale on white.
-const COLOURS: [&str; 8] =
-    ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#b58900", "#56b4e9", "#7b5ea7", "#444444"];
+const COLOURS: [&str; 8] = ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#b58900", "#56b4e9", "#7b5ea7", "#444444"];
 
 const WIDTH: f64 = 560.0;
 const HEIGHT: f64 = 360.0;
@@ -101,8 +100,13 @@ fn axes(text: &mut String, figure: &Figure, frame: &Frame<'_>) {
         let (x, _) = frame.at(value, frame.y.low);
         let _ = writeln!(text, "<path d=\"M{x:.1} {bottom}v5\" stroke=\"black\"/>");
         let slanted = figure.x.scale == Scale::Names && figure.x.names.len() > 3;
-        let (anchor, turn) = if slanted { ("end", format!(" transform=\"rotate(-25 {x:.1} 314)\"")) } else { ("middle", String::new()) };
-        let _ = writeln!(text, "<text x=\"{x:.1}\" y=\"317\" text-anchor=\"{anchor}\" font-size=\"10\"{turn}>{}</text>", escaped(&label));
+        let (anchor, turn) =
+            if slanted { ("end", format!(" transform=\"rotate(-25 {x:.1} 314)\"")) } else { ("middle", String::new()) };
+        let _ = writeln!(
+            text,
+            "<text x=\"{x:.1}\" y=\"317\" text-anchor=\"{anchor}\" font-size=\"10\"{turn}>{}</text>",
+            escaped(&label)
+        );
     }
     for (value, label) in frame.y.marks() {
         let (_, y) = frame.at(frame.x.low, value);
@@ -116,7 +120,8 @@ fn axes(text: &mut String, figure: &Figure, frame: &Frame<'_>) {
     let _ = writeln!(text, "<path d=\"M{left} {top}V{bottom}H{right}\" fill=\"none\" stroke=\"black\"/>");
     if figure.x.scale != Scale::Names {
         let middle = 0.5 * (left + right);
-        let _ = writeln!(text, "<text x=\"{middle}\" y=\"335\" text-anchor=\"middle\">{}</text>", escaped(&figure.x.label));
+        let _ =
+            writeln!(text, "<text x=\"{middle}\" y=\"335\" text-anchor=\"middle\">{}</text>", escaped(&figure.x.label));
     }
     let y = 0.5 * (top + bottom);
     let _ = writeln!(
@@ -137,17 +142,30 @@ fn draw(text: &mut String, series: &Series, colour: &str, frame: &Frame<'_>, shi
             band.append(&mut upper);
             let _ = writeln!(text, "<path d=\"M{}Z\" fill=\"{colour}\" fill-opacity=\"0.15\"/>", joined(&band));
         }
-        let _ = writeln!(text, "<path d=\"M{}\" fill=\"none\" stroke=\"{colour}\" stroke-width=\"1.8\"/>", joined(&path(&ways, steps, frame)));
+        let _ = writeln!(
+            text,
+            "<path d=\"M{}\" fill=\"none\" stroke=\"{colour}\" stroke-width=\"1.8\"/>",
+            joined(&path(&ways, steps, frame))
+        );
         return;
     }
     for point in shown {
         let (x, y) = frame.at(point.x + shift, point.y);
         if let Some([low, high]) = point.interval {
             let ((_, from), (_, to)) = (frame.at(point.x, low), frame.at(point.x, high));
-            let _ = writeln!(text, "<path d=\"M{x:.1} {from:.1}V{to:.1}M{:.1} {from:.1}h6M{:.1} {to:.1}h6\" stroke=\"{colour}\" stroke-width=\"1.3\"/>", x - 3.0, x - 3.0);
+            let _ = writeln!(
+                text,
+                "<path d=\"M{x:.1} {from:.1}V{to:.1}M{:.1} {from:.1}h6M{:.1} {to:.1}h6\" stroke=\"{colour}\" stroke-width=\"1.3\"/>",
+                x - 3.0,
+                x - 3.0
+            );
         }
         let _ = match series.style {
-            Style::Diamonds => writeln!(text, "<path d=\"M{x:.1} {:.1}l5 5l-5 5l-5 -5Z\" fill=\"white\" stroke=\"{colour}\" stroke-width=\"1.5\"/>", y - 5.0),
+            Style::Diamonds => writeln!(
+                text,
+                "<path d=\"M{x:.1} {:.1}l5 5l-5 5l-5 -5Z\" fill=\"white\" stroke=\"{colour}\" stroke-width=\"1.5\"/>",
+                y - 5.0
+            ),
             _ => writeln!(text, "<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"3.2\" fill=\"{colour}\"/>"),
         };
     }
@@ -188,7 +206,13 @@ fn one_map(text: &mut String, figure: &Figure, map: &FieldMap, (left, top): (f64
     let side = MAP - 50.0;
     let size = side / map.fields as f64;
     let (left, top) = (left + 40.0, top + 20.0);
-    let _ = writeln!(text, "<text x=\"{}\" y=\"{}\" text-anchor=\"middle\">{}</text>", left + 0.5 * side, top - 6.0, escaped(&map.label));
+    let _ = writeln!(
+        text,
+        "<text x=\"{}\" y=\"{}\" text-anchor=\"middle\">{}</text>",
+        left + 0.5 * side,
+        top - 6.0,
+        escaped(&map.label)
+    );
     for (place, (hits, trials)) in map.counts.iter().enumerate().filter(|(_, (_, trials))| *trials > 0) {
         let (x, y) = ((place % map.fields) as f64, (place / map.fields) as f64);
         let share = *hits as f64 / *trials as f64;
@@ -203,7 +227,10 @@ fn one_map(text: &mut String, figure: &Figure, map: &FieldMap, (left, top): (f64
             top + side - (y + 1.0) * size
         );
     }
-    let _ = writeln!(text, "<rect x=\"{left}\" y=\"{top}\" width=\"{side}\" height=\"{side}\" fill=\"none\" stroke=\"black\"/>");
+    let _ = writeln!(
+        text,
+        "<rect x=\"{left}\" y=\"{top}\" width=\"{side}\" height=\"{side}\" fill=\"none\" stroke=\"black\"/>"
+    );
     let (bottom, middle) = (top + side, left + 0.5 * side);
     let ends = [super::ticks::plain(map.half[0]), super::ticks::plain(map.half[1])];
     let _ = writeln!(

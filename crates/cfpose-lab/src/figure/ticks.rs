@@ -13,7 +13,8 @@ impl<'a> Ruler<'a> {
     /// Lay out an axis over values; those that it cannot show are left out.
     pub fn over(axis: &'a Axis, values: impl Iterator<Item = f64>) -> Self {
         let fits = |v: &f64| v.is_finite() && (axis.scale != Scale::Log || *v > 0.0);
-        let (low, high) = values.filter(fits).fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), v| (a.min(v), b.max(v)));
+        let (low, high) =
+            values.filter(fits).fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), v| (a.min(v), b.max(v)));
         let (low, high) = if low <= high { (low, high) } else { (1.0, 1.0) };
         let (low, high) = match axis.scale {
             Scale::Names => (-0.5, axis.names.len().max(1) as f64 - 0.5),
@@ -93,7 +94,10 @@ mod tests {
         let texts = |ruler: Ruler<'_>| ruler.marks().into_iter().map(|(_, text)| text).collect::<Vec<_>>();
         assert_eq!(texts(Ruler { axis: &axis, low: 0.0, high: 1.0 }), ["0", "0.2", "0.4", "0.6", "0.8", "1"]);
         let log = Axis::new("x", Scale::Log);
-        assert_eq!(texts(Ruler::over(&log, [0.01, 100.0, -1.0].into_iter())), ["1e-2", "0.1", "1", "10", "100"].map(|t| if t == "1e-2" { "0.01" } else { t }));
+        assert_eq!(
+            texts(Ruler::over(&log, [0.01, 100.0, -1.0].into_iter())),
+            ["1e-2", "0.1", "1", "10", "100"].map(|t| if t == "1e-2" { "0.01" } else { t })
+        );
         assert_eq!(texts(Ruler::over(&log, [1.0, 6.0].into_iter())), ["1", "2", "5"]);
         let share = Axis::new("x", Scale::Share);
         assert_eq!(texts(Ruler::over(&share, [0.3].into_iter())).last().unwrap(), "100 %");

@@ -21,7 +21,12 @@ fn draw(group: &Group<'_>) -> Option<Figure> {
             interval: Some(wilson95(index + 1, total)),
             note: String::new(),
         };
-        Series { methods: vec![method], label: (*name).to_string(), style: Style::Steps, points: finite.map(point).collect() }
+        Series {
+            methods: vec![method],
+            label: (*name).to_string(),
+            style: Style::Steps,
+            points: finite.map(point).collect(),
+        }
     };
     let series: Vec<Series> = group.methods.iter().enumerate().map(series).collect();
     series.iter().any(|series| !series.points.is_empty()).then(|| Figure {

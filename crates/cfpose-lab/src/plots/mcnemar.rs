@@ -7,11 +7,8 @@ use crate::statistics::TableCell;
 use crate::statistics::entries::mcnemar::{ENTRY as STATISTIC, compare};
 
 /// The line of the table.
-pub const ENTRY: PlotEntry = PlotEntry {
-    name: "mcnemar",
-    summary: "paired differences of success rates with intervals and McNemar's p",
-    draw,
-};
+pub const ENTRY: PlotEntry =
+    PlotEntry { name: "mcnemar", summary: "paired differences of success rates with intervals and McNemar's p", draw };
 
 fn draw(group: &Group<'_>) -> Option<Figure> {
     let compared = compare(group);

@@ -40,7 +40,8 @@ fn draw(group: &Group<'_>, plot: &'static str, title: &str, unit: &str, value: f
         let point = |(place, values): (usize, &Vec<f64>)| {
             let (middle, interval) = median_interval(values)?;
             let without = values.iter().filter(|value| value.is_infinite()).count();
-            let note = if without == 0 { String::new() } else { format!("{without} of {} without a value", values.len()) };
+            let note =
+                if without == 0 { String::new() } else { format!("{without} of {} without a value", values.len()) };
             Some(Point { x: place_of(group, place, method), y: middle, interval: Some(interval), note })
         };
         let points: Vec<Point> = values.iter().enumerate().filter_map(point).filter(|point| point.y > 0.0).collect();
@@ -55,6 +56,7 @@ fn draw(group: &Group<'_>, plot: &'static str, title: &str, unit: &str, value: f
         y: Axis::new(unit, Scale::Log),
         series,
         maps: Vec::new(),
-        note: "Bars: 95 % bootstrap intervals of the median. A trial without an estimate counts as infinite.".to_string(),
+        note: "Bars: 95 % bootstrap intervals of the median. A trial without an estimate counts as infinite."
+            .to_string(),
     })
 }

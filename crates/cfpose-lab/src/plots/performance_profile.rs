@@ -61,6 +61,8 @@ fn draw(group: &Group<'_>, plot: &'static str, unit: &str, cost: fn(&Record) -> 
         y: Axis::new("trials solved", Scale::Share),
         series: ratios.iter().enumerate().map(series).collect(),
         maps: Vec::new(),
-        note: format!("{total} trials that all methods have. Bands: 95 % Wilson intervals, point by point. Dolan and More 2002."),
+        note: format!(
+            "{total} trials that all methods have. Bands: 95 % Wilson intervals, point by point. Dolan and More 2002."
+        ),
     })
 }

@@ -27,11 +27,11 @@ const SCRIPT: [&str; 5] = [
 ];
 
 /// Bytes that figures and tables of groups may take; groups beyond are named and left out.
-const GROUP_BYTES: usize = 6_500_000;
+const GROUP_BYTES: usize = 5_000_000;
 /// Bytes that the trials themselves may take; beyond they stand in `results.csv` alone.
-const TRIAL_BYTES: usize = 2_500_000;
+const TRIAL_BYTES: usize = 3_700_000;
 /// Most rows of the summary in the page; all of them stand in `summary.json`.
-const MAX_ROWS: usize = 2000;
+const MAX_ROWS: usize = 1000;
 /// Points of a curve, at least and at most.
 const POINTS: [usize; 2] = [16, 160];
 /// What a point of a curve takes in bytes, and how many curves a method has in a group, about.
@@ -114,7 +114,10 @@ fn machine(contents: &Contents<'_>) -> String {
         ("Program", format!("cfpose {version}")),
         ("Experiment", format!("{}, seed {}", contents.experiment.fingerprint(), contents.experiment.seed)),
         ("Instruction set of the records", isa.to_string()),
-        ("Merged on", format!("{} {}, {}, {threads} thread(s)", std::env::consts::OS, std::env::consts::ARCH, processor())),
+        (
+            "Merged on",
+            format!("{} {}, {}, {threads} thread(s)", std::env::consts::OS, std::env::consts::ARCH, processor()),
+        ),
         ("Solver time of all records", format!("{:.1} s", contents.records.iter().map(|r| r.seconds).sum::<f64>())),
     ];
     facts.iter().map(|(term, text)| format!("<dt>{term}</dt><dd>{}</dd>\n", escaped(text))).collect()
@@ -182,7 +185,8 @@ fn index(contents: &Contents<'_>, groups: &[Group<'_>], kept: &[bool]) -> Value 
 }
 
 fn group_data(group: &Group<'_>, points: usize) -> Value {
-    let figures: Vec<_> = plots::ALL.iter().filter_map(|entry| (entry.draw)(group)).map(|f| f.thinned(points)).collect();
+    let figures: Vec<_> =
+        plots::ALL.iter().filter_map(|entry| (entry.draw)(group)).map(|f| f.thinned(points)).collect();
     let tables = statistics::ALL.iter().filter_map(|entry| {
         let table = (entry.compute)(group)?;
         let rows: Vec<Vec<String>> =

@@ -17,7 +17,9 @@ pub fn tabular(summary: &str, source: &str, table: &Table) -> String {
     let is_text = |column: usize| table.rows.iter().all(|row| matches!(row[column], TableCell::Text(_)));
     let alignment: String = (0..table.columns.len()).map(|column| if is_text(column) { 'l' } else { 'r' }).collect();
     let line = |cells: Vec<String>| format!("{} \\\\\n", cells.join(" & "));
-    let mut text = format!("% {summary} ({source}). Needs \\usepackage{{booktabs}}.\n\\begin{{tabular}}{{{alignment}}}\n\\toprule\n");
+    let mut text = format!(
+        "% {summary} ({source}). Needs \\usepackage{{booktabs}}.\n\\begin{{tabular}}{{{alignment}}}\n\\toprule\n"
+    );
     text += &line(table.columns.iter().map(|column| escaped(column)).collect());
     text += "\\midrule\n";
     for row in &table.rows {

@@ -36,10 +36,10 @@ function follow(box, drawn) {
     const area = svg.getBoundingClientRect();
     const factor = drawn.width / area.width;
     const [x, y] = [(event.clientX - area.left) * factor, (event.clientY - area.top) * factor];
-    let best = null, nearest = 900;
+    let best = null, nearest = Infinity;
     for (const spot of drawn.spots) {
       // Along a curve the place on the x axis counts most.
-      const distance = (spot.x - x) ** 2 + 0.5 * (spot.y - y) ** 2;
+      const distance = (spot.x - x) ** 2 + 0.3 * (spot.y - y) ** 2;
       if (distance < nearest) [best, nearest] = [spot, distance];
     }
     hide();

@@ -81,7 +81,8 @@ pub fn starts(group: &Group<'_>, method: usize, directions: &[String; 2]) -> Vec
 
 fn compute(group: &Group<'_>) -> Option<Table> {
     let row = |method: usize| {
-        let norm = |offsets: &std::collections::BTreeMap<String, f64>| offsets.values().map(|v| v * v).sum::<f64>().sqrt();
+        let norm =
+            |offsets: &std::collections::BTreeMap<String, f64>| offsets.values().map(|v| v * v).sum::<f64>().sqrt();
         let with_start = group.of(method).filter(|record| !record.start_offset.is_empty());
         let starts: Vec<(f64, bool)> = with_start.map(|record| (norm(&record.start_offset), record.success)).collect();
         let norms: Vec<f64> = starts.iter().map(|(norm, _)| *norm).collect();

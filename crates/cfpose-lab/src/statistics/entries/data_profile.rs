@@ -53,6 +53,7 @@ fn compute(group: &Group<'_>) -> Option<Table> {
         cells
     };
     let rows = (0..group.methods.len()).map(row).collect();
-    let columns = vec!["method", "within 1 %", "95 %", "within 5 %", "95 %", "within 20 %", "95 %", "within 100 %", "95 %"];
+    let columns =
+        vec!["method", "within 1 %", "95 %", "within 5 %", "95 %", "within 20 %", "95 %", "within 100 %", "95 %"];
     Some(Table { columns, rows })
 }

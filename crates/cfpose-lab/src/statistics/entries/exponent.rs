@@ -115,6 +115,7 @@ fn compute(group: &Group<'_>) -> Option<Table> {
         ])
     };
     let rows: Vec<_> = (0..group.methods.len()).filter_map(row).collect();
-    let columns = vec!["method", "cells", "fewest points", "most points", "exponent", "95 % interval", "ms at 1000 points"];
+    let columns =
+        vec!["method", "cells", "fewest points", "most points", "exponent", "95 % interval", "ms at 1000 points"];
     (!rows.is_empty()).then_some(Table { columns, rows })
 }

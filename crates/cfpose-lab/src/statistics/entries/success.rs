@@ -4,12 +4,8 @@ use crate::group::Group;
 use crate::statistics::{StatisticEntry, Table, TableCell, wilson95};
 
 /// The line of the table.
-pub const ENTRY: StatisticEntry = StatisticEntry {
-    name: "success",
-    summary: "success rate with its 95 % interval",
-    source: "Wilson 1927",
-    compute,
-};
+pub const ENTRY: StatisticEntry =
+    StatisticEntry { name: "success", summary: "success rate with its 95 % interval", source: "Wilson 1927", compute };
 
 /// Return successes and trials of a method.
 pub fn counts(group: &Group<'_>, method: usize) -> (usize, usize) {
