@@ -15,6 +15,7 @@ const FLOOR: f64 = 1e-16;
 
 fn draw(group: &Group<'_>) -> Option<Figure> {
     let longest = group.problems.iter().flat_map(|p| p.records.iter().flatten()).map(|r| r.trace.len()).max()?;
+    let budgets: Vec<usize> = (0..longest).collect();
     let series = |(method, name): (usize, &&str)| {
         let point = |(place, (middle, interval)): (usize, (f64, [f64; 2]))| Point {
             x: BUDGETS[place] as f64,
@@ -22,7 +23,7 @@ fn draw(group: &Group<'_>) -> Option<Figure> {
             interval: Some(interval.map(|end| end.max(FLOOR))),
             note: String::new(),
         };
-        let points = curve(group, method).into_iter().take(longest).enumerate().map(point).collect();
+        let points = curve(group, method, &budgets).into_iter().enumerate().map(point).collect();
         Series { methods: vec![method], label: (*name).to_string(), style: Style::Line, points }
     };
     let series: Vec<Series> = group.methods.iter().enumerate().map(series).filter(|s| !s.points.is_empty()).collect();

@@ -2,21 +2,19 @@
 
 use statrs::function::gamma::ln_gamma;
 
-use super::quantile::median;
-
-/// Half width of the window of order statistics that is looked at, in standard deviations of the median's rank.
-const WINDOW: f64 = 9.0;
-
-/// Two middle order statistics of a resample are farther apart than this with probability exp(-64).
+/// The two middle values of a resample are farther apart than this many ranks with probability exp(-64).
 const MAX_GAP: usize = 64;
+
+/// Sums of probabilities carry rounding.
+const ROUNDING: f64 = 1e-12;
 
 /// Return median and 95 % percentile interval of its bootstrap distribution; `None` for an empty list or a NaN in it.
 ///
 /// The distribution is the one over all n^n resamples, so nothing is drawn and no seed is needed. Its quantiles are the least value
 /// with at least that probability below or at it. Infinities (trials without an estimate) are values like others.
 ///
-/// With F_i = i / n and the sorted values x_i, for odd n = 2m - 1 the median of a resample is at most x_i with probability
-/// P(Binomial(n, F_i) >= m); for even n = 2m its two middle values are x_i and x_j, i < j, with probability
+/// With F_i = i / n and the sorted values x_i, value k of a sorted resample is at most x_i with probability P(Binomial(n, F_i) >= k). For
+/// odd n = 2m - 1 that of k = m is the median's law. For even n = 2m the two middle values are x_i and x_j, i < j, with probability
 /// C(n, m) (F_i^m - F_(i-1)^m) ((1 - F_(j-1))^m - (1 - F_j)^m).
 ///
 /// Source: Efron, Bootstrap methods: another look at the jackknife (1979), section 3; even n by the same counting.
@@ -27,90 +25,125 @@ const MAX_GAP: usize = 64;
 /// assert_eq!((median, low, high), (3.0, 1.0, 5.0));
 /// ```
 pub fn median_interval(values: &[f64]) -> Option<(f64, [f64; 2])> {
-    let middle = median(values)?;
+    if values.is_empty() || values.iter().any(|value| value.is_nan()) {
+        return None;
+    }
     let mut sorted = values.to_vec();
-    sorted.sort_by(f64::total_cmp);
-    let mut law = if sorted.len() % 2 == 1 { odd(&sorted) } else { even(&sorted) };
-    law.sort_by(|a, b| a.0.total_cmp(&b.0));
-    let total: f64 = law.iter().map(|(_, weight)| weight).sum();
-    let at = |level: f64| {
-        let mut below = 0.0;
-        let found = law.iter().find(|(_, weight)| {
-            below += weight;
-            // Sums of probabilities carry rounding.
-            below >= level * total - 1e-12
-        });
-        found.or(law.last()).map(|(value, _)| *value)
-    };
-    Some((middle, [at(0.025)?, at(0.975)?]))
+    sorted.sort_unstable_by(f64::total_cmp);
+    let middle = mean(sorted[(sorted.len() - 1) / 2], sorted[sorted.len() / 2]);
+    let law =
+        Law { sorted: &sorted, m: sorted.len().div_ceil(2), log_choose: log_choose(sorted.len(), sorted.len() / 2) };
+    Some((middle, [law.quantile(0.025), law.quantile(0.975)]))
 }
 
-/// Return the ranks, from 1, that the median of a resample can have with a probability worth counting.
-fn ranks(n: usize) -> std::ops::RangeInclusive<usize> {
-    let half = (WINDOW * 0.5 * (n as f64).sqrt()).ceil() as usize + 1;
-    (n / 2).saturating_sub(half).max(1)..=(n / 2 + 1 + half).min(n)
+/// The law of a resample's median.
+struct Law<'a> {
+    sorted: &'a [f64],
+    /// The middle value's number from 1; the lower one of two.
+    m: usize,
+    /// log C(n, n / 2).
+    log_choose: f64,
 }
 
-/// Values and probabilities for an odd number of values.
-fn odd(sorted: &[f64]) -> Vec<(f64, f64)> {
-    let (n, m) = (sorted.len(), sorted.len().div_ceil(2));
-    let mut before = 0.0;
-    let mut law = Vec::new();
-    for i in ranks(n) {
-        let now = at_least(n, m, i as f64 / n as f64);
-        law.push((sorted[i - 1], now - before));
-        before = now;
+impl Law<'_> {
+    /// Return the probability that value `k` of a sorted resample is at most x_i.
+    fn at_most(&self, k: usize, i: usize) -> f64 {
+        let n = self.sorted.len();
+        if i == 0 { 0.0 } else { at_least(n, k, i as f64 / n as f64) }
     }
-    law
-}
 
-/// Values and probabilities for an even number of values.
-fn even(sorted: &[f64]) -> Vec<(f64, f64)> {
-    let (n, m) = (sorted.len(), sorted.len() / 2);
-    let (size, power) = (n as f64, m as f64);
-    let log_choose = log_choose(n, m);
-    // log(F_i^m - F_(i-1)^m): by symmetry the same function of n + 1 - j serves the upper one of the two.
-    let log_step = |i: usize| {
-        let i = i as f64;
-        power * (i / size).ln() + (-(power * (-1.0 / i).ln_1p()).exp_m1()).ln()
-    };
-    let mut before = 0.0;
-    let mut law = Vec::new();
-    for i in ranks(n) {
-        let now = at_least(n, m, i as f64 / n as f64);
-        // The probability that the lower of the two middle values is x_i, less that of an upper one above it.
-        let mut both = now - before;
-        before = now;
-        for j in i + 1..=(i + MAX_GAP).min(n) {
-            let weight = (log_choose + log_step(i) + log_step(n + 1 - j)).exp();
-            let (low, high) = (sorted[i - 1], sorted[j - 1]);
-            law.push((if low == high { low } else { low + 0.5 * (high - low) }, weight));
-            both -= weight;
+    /// Return the least i from 1 for which value `k` of a sorted resample is at most x_i with a probability of `level`.
+    fn rank(&self, k: usize, level: f64) -> usize {
+        let (mut below, mut at) = (0, self.sorted.len());
+        while at - below > 1 {
+            let middle = usize::midpoint(below, at);
+            if self.at_most(k, middle) >= level - ROUNDING { at = middle } else { below = middle }
         }
-        law.push((sorted[i - 1], both.max(0.0)));
+        at
     }
-    law
+
+    fn quantile(&self, level: f64) -> f64 {
+        let n = self.sorted.len();
+        // The lower middle value is at most the median, the upper one at least.
+        let first = self.rank(self.m, level);
+        if n % 2 == 1 {
+            return self.sorted[first - 1];
+        }
+        let last = self.rank(self.m + 1, level);
+        // Pairs below `first` lie below the quantile; of those that reach it, count from the smallest mean.
+        let mut pairs = self.pairs(first, last);
+        pairs.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
+        let mut below = self.at_most(self.m + 1, first - 1);
+        let found = pairs.iter().find(|(_, weight)| {
+            below += weight;
+            below >= level - ROUNDING
+        });
+        found.map_or(self.sorted[last - 1], |(value, _)| *value)
+    }
+
+    /// Return means and probabilities of the pairs of middle values whose upper one is x_first or above and whose lower one is x_last
+    /// or below.
+    fn pairs(&self, first: usize, last: usize) -> Vec<(f64, f64)> {
+        let (n, power) = (self.sorted.len(), self.m as f64);
+        // log(F_i^m - F_(i-1)^m); the upper of the two has the same function of n + 1 - j.
+        let log_step = |i: usize| {
+            let i = i as f64;
+            power * (i / n as f64).ln() + (-(power * (-1.0 / i).ln_1p()).exp_m1()).ln()
+        };
+        let lowest = first.saturating_sub(MAX_GAP).max(1);
+        let uppers: Vec<f64> = (first..=(last + MAX_GAP).min(n)).map(|j| log_step(n + 1 - j)).collect();
+        let mut pairs = Vec::new();
+        for i in lowest..=last {
+            let lower = self.log_choose + log_step(i);
+            for (j, upper) in (first..).zip(&uppers).filter(|(j, _)| *j > i && *j <= i + MAX_GAP) {
+                let (low, high) = (self.sorted[i - 1], self.sorted[j - 1]);
+                pairs.push((mean(low, high), (lower + upper).exp()));
+            }
+            if i >= first {
+                // Both are x_i: what is left of the lower one's probability when the upper one lies above.
+                let all = self.at_most(self.m, i) - self.at_most(self.m, i - 1);
+                let rest = if i == n { 0.0 } else { (lower + power * ((n - i) as f64 / n as f64).ln()).exp() };
+                pairs.push((self.sorted[i - 1], (all - rest).max(0.0)));
+            }
+        }
+        pairs
+    }
+}
+
+/// Return the mean of two values in order, which may be infinite.
+fn mean(low: f64, high: f64) -> f64 {
+    if low == high { low } else { low + 0.5 * (high - low) }
 }
 
 fn log_choose(n: usize, m: usize) -> f64 {
     ln_gamma(n as f64 + 1.0) - ln_gamma(m as f64 + 1.0) - ln_gamma((n - m) as f64 + 1.0)
 }
 
-/// Return P(Binomial(n, p) >= m), for m near n p.
+/// Return P(Binomial(n, p) >= m), by adding the terms on the side that has fewer of them above rounding.
 fn at_least(n: usize, m: usize, p: f64) -> f64 {
     if p >= 1.0 {
         return 1.0;
     }
-    let odds = p / (1.0 - p);
-    let first = (log_choose(n, m) + m as f64 * p.ln() + (n - m) as f64 * (1.0 - p).ln()).exp();
-    let (mut term, mut sum) = (first, 0.0);
-    for k in m..=n {
-        sum += term;
-        let next = term * (n - k) as f64 / (k + 1) as f64 * odds;
-        if next < term && next < 1e-18 {
+    let (size, odds) = (n as f64, p / (1.0 - p));
+    let term = |k: usize| (log_choose(n, k) + k as f64 * p.ln() + (n - k) as f64 * (1.0 - p).ln()).exp();
+    // Away from the mean the terms only fall: upwards from m above it, downwards from m - 1 below it.
+    let (mut sum, mut next) = (0.0, 0.0);
+    if m as f64 >= size * p {
+        for k in m..=n {
+            next = if k == m { term(m) } else { next * (n - k + 1) as f64 / k as f64 * odds };
+            sum += next;
+            if next < 1e-18 {
+                break;
+            }
+        }
+        return sum.min(1.0);
+    }
+    for k in (0..m).rev() {
+        next = if k + 1 == m { term(k) } else { next * (k + 1) as f64 / (n - k) as f64 / odds };
+        sum += next;
+        if next < 1e-18 {
             break;
         }
-        term = next;
     }
-    sum.min(1.0)
+    1.0 - sum.min(1.0)
 }

@@ -29,6 +29,7 @@ function linearMarks(low, high) {
 
 function logMarks(low, high) {
   const decades = Math.log10(high / low);
+  if (high < 4 * low) return linearMarks(low, high).filter((mark) => mark >= low && mark <= high);
   const digits = decades < 1.5 ? [1, 2, 5] : [1];
   const every = Math.max(1, Math.ceil(decades / 6));
   const marks = [];

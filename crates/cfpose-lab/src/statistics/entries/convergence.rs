@@ -30,22 +30,21 @@ pub fn relative(trace: &[f64]) -> Option<Vec<f64>> {
         .then(|| (0..BUDGETS.len()).map(|budget| trace.get(budget).unwrap_or(&last) / first).collect())
 }
 
-/// Median and interval of the relative costs of a method after every budget; empty without traces.
-pub fn curve(group: &Group<'_>, method: usize) -> Vec<(f64, [f64; 2])> {
+/// Return median and interval of the relative costs of a method after each of some budgets, as places in [`BUDGETS`]; empty without
+/// traces.
+pub fn curve(group: &Group<'_>, method: usize, budgets: &[usize]) -> Vec<(f64, [f64; 2])> {
     let all: Vec<Vec<f64>> = group.of(method).filter_map(|record: &Record| relative(&record.trace)).collect();
-    let at = |budget: usize| median_interval(&all.iter().map(|curve| curve[budget]).collect::<Vec<_>>());
-    (0..BUDGETS.len()).filter_map(at).collect()
+    let at = |budget: &usize| median_interval(&all.iter().map(|curve| curve[*budget]).collect::<Vec<_>>());
+    budgets.iter().filter_map(at).collect()
 }
 
 fn compute(group: &Group<'_>) -> Option<Table> {
     let row = |method: usize| {
-        let curve = curve(group, method);
         let mut cells = vec![TableCell::Text(group.methods[method].to_string())];
-        for budget in SHOWN {
-            let (middle, interval) = curve.get(budget)?;
-            cells.extend([TableCell::Number(*middle), TableCell::Interval(*interval)]);
+        for (middle, interval) in curve(group, method, &SHOWN) {
+            cells.extend([TableCell::Number(middle), TableCell::Interval(interval)]);
         }
-        Some(cells)
+        (cells.len() > 1).then_some(cells)
     };
     let rows: Vec<_> = (0..group.methods.len()).filter_map(row).collect();
     let columns = vec!["method", "after 3", "95 %", "after 8", "95 %", "after 24", "95 %", "after 64", "95 %"];
