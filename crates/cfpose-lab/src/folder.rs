@@ -14,6 +14,8 @@ use std::io::{ErrorKind, Write};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
+use rayon::prelude::*;
+
 use crate::error::LabError;
 use crate::record::Record;
 use crate::shard::Shard;
@@ -165,7 +167,10 @@ pub fn read_records(path: &Path) -> Result<Vec<(usize, Record)>, LabError> {
     let bytes = fs::read(path).map_err(io_error(path, "read"))?;
     let whole = &bytes[..bytes.iter().rposition(|byte| *byte == b'\n').map_or(0, |end| end + 1)];
     let lines = whole.split(|byte| *byte == b'\n').enumerate().filter(|(_, line)| !line.trim_ascii().is_empty());
-    lines
+    // All threads read; the first bad line in the order of the file is the one that is told.
+    let read: Vec<Result<(usize, Record), LabError>> = lines
+        .collect::<Vec<_>>()
+        .into_par_iter()
         .map(|(index, line)| match serde_json::from_slice(line) {
             Ok(record) => Ok((index + 1, record)),
             Err(problem) => Err(LabError::Record {
@@ -174,7 +179,8 @@ pub fn read_records(path: &Path) -> Result<Vec<(usize, Record)>, LabError> {
                 problem: format!("this is no record: {problem}"),
             }),
         })
-        .collect()
+        .collect();
+    read.into_iter().collect()
 }
 
 /// As [`read_records`]; a file that is not there has none.

@@ -67,5 +67,9 @@ pub use trial::nearest_truth;
 mod adding_a_scenario {}
 
 #[cfg(doctest)]
+#[doc = include_str!("../../../docs/adding/plot.md")]
+mod adding_a_plot {}
+
+#[cfg(doctest)]
 #[doc = include_str!("../../../docs/experiments.md")]
 mod experiments {}

@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
+use rayon::prelude::*;
 use serde_json::json;
 
 use crate::conditions::condition_tables;
@@ -94,7 +95,7 @@ pub(crate) fn collect(lab: &Lab, folder: &Path) -> Result<Collected, LabError> {
         same_experiment(&path, &fingerprint, &Experiment::load(lab, &path)?.fingerprint())?;
     }
     let plan = Plan::new(lab, &experiment)?;
-    let mut reader = Reader { fingerprint: &fingerprint, places: places(&plan), ..Reader::default() };
+    let mut reader = Reader { fingerprint: &fingerprint, places: Places::of(&plan), ..Reader::default() };
     for folder in &folders {
         let earlier = earlier(folder)?;
         for path in record_files(folder)? {
@@ -104,7 +105,7 @@ pub(crate) fn collect(lab: &Lab, folder: &Path) -> Result<Collected, LabError> {
     if let Some(damage) = reader.damage {
         return Err(damage);
     }
-    let (origins, records) = reader.sorted.into_values().unzip();
+    let (origins, records) = reader.sorted.into_values().map(|found| *found).unzip();
     let Reader { isa, version, files, .. } = reader;
     let collected =
         Collected { plan, records, origins, isa, version, files, fingerprint: fingerprint.clone(), experiment };
@@ -114,23 +115,36 @@ pub(crate) fn collect(lab: &Lab, folder: &Path) -> Result<Collected, LabError> {
 
 type Place = (usize, usize, usize);
 
-/// Return cell, method and repetition of every record that the plan holds.
-fn places(plan: &Plan) -> BTreeMap<(String, String), Place> {
-    let mut places = BTreeMap::new();
-    for trial in &plan.trials {
-        for (m, method) in plan.methods.iter().enumerate() {
-            places.insert((format!("{:016x}", trial.key), method.clone()), (trial.cell, m, trial.repetition));
+/// Where every trial and method of a plan stands.
+#[derive(Default)]
+struct Places {
+    /// Cell and repetition by key.
+    trials: BTreeMap<u64, (usize, usize)>,
+    methods: BTreeMap<String, usize>,
+}
+
+impl Places {
+    fn of(plan: &Plan) -> Self {
+        Self {
+            trials: plan.trials.iter().map(|trial| (trial.key, (trial.cell, trial.repetition))).collect(),
+            methods: plan.methods.iter().enumerate().map(|(m, method)| (method.clone(), m)).collect(),
         }
     }
-    places
+
+    /// Return the place of a record, if the plan holds it.
+    fn find(&self, record: &Record) -> Option<Place> {
+        let key = u64::from_str_radix(&record.key, 16).ok().filter(|_| record.key.len() == 16)?;
+        let (cell, repetition) = *self.trials.get(&key)?;
+        Some((cell, *self.methods.get(&record.method)?, repetition))
+    }
 }
 
 /// Reads record files one after the other.
 #[derive(Default)]
 struct Reader<'a> {
     fingerprint: &'a str,
-    places: BTreeMap<(String, String), Place>,
-    sorted: BTreeMap<Place, (Origin, Record)>,
+    places: Places,
+    sorted: BTreeMap<Place, Box<(Origin, Record)>>,
     isa: Option<String>,
     version: Option<String>,
     files: Vec<(PathBuf, usize)>,
@@ -143,9 +157,9 @@ impl Reader<'_> {
         let records = records_if_there(&path)?;
         let file = self.files.len();
         self.files.push((path.clone(), records.len()));
-        for (line, mut record) in records {
+        let whole: Vec<bool> = records.par_iter().map(|(_, record)| record.is_whole()).collect();
+        for ((line, mut record), whole) in records.into_iter().zip(whole) {
             let wrong = |problem: &str| LabError::Record { path: path.clone(), line, problem: problem.to_string() };
-            let whole = record.is_whole();
             if earlier.contains(&record.experiment) {
                 record.experiment = self.fingerprint.to_string();
                 record.seal();
@@ -153,16 +167,15 @@ impl Reader<'_> {
             same_experiment(&path, self.fingerprint, &record.experiment)?;
             same_isa(&path, self.isa.get_or_insert_with(|| record.isa.clone()), &record.isa)?;
             same_version(&path, self.version.get_or_insert_with(|| record.version.clone()), &record.version)?;
-            let place =
-                *self.places.get(&record.identity()).ok_or_else(|| wrong("the trial is not in the experiment"))?;
-            if self.sorted.get(&place).is_some_and(|(_, other)| !other.same_result(&record)) {
+            let place = self.places.find(&record).ok_or_else(|| wrong("the trial is not in the experiment"))?;
+            if self.sorted.get(&place).is_some_and(|found| !found.1.same_result(&record)) {
                 return Err(wrong("contradicts another record of the same trial and method"));
             }
             if !whole && self.damage.is_none() {
                 self.damage =
                     Some(wrong("the record does not match its checksum; take the line out and resume the run"));
             }
-            self.sorted.entry(place).or_insert((Origin { file, line, cell: place.0 }, record));
+            self.sorted.entry(place).or_insert_with(|| Box::new((Origin { file, line, cell: place.0 }, record)));
         }
         Ok(())
     }
@@ -248,8 +261,10 @@ pub(crate) fn write_tables(folder: &Path, collected: Collected, _lock: &FolderLo
     let conditions = condition_tables(&collected.records);
     write("tables.md", &format!("{}{conditions}", tables(&collected.experiment, &rows)))?;
     let Collected { experiment, plan, records, .. } = &collected;
-    write("statistics.json", &format!("{}\n", report::statistics_json(experiment, plan, records)))?;
-    let contents = report::Contents { experiment, plan, records, rows: &rows, name: &name_of(folder) };
+    let analyses = report::analyse(experiment, plan, records);
+    write("statistics.json", &format!("{}\n", report::statistics_json(&analyses)))?;
+    let contents =
+        report::Contents { experiment, plan, records, rows: &rows, analyses: &analyses, name: &name_of(folder) };
     write("report.html", &report::html(&contents))?;
     // Last: a manifest says that the other files are there.
     write_whole(&folder.join("manifest.json"), &pretty(&manifest(&collected, &files)))?;

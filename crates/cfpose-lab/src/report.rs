@@ -6,23 +6,42 @@ mod html;
 pub mod latex;
 mod summary;
 
+use std::borrow::Cow;
+
+use rayon::prelude::*;
 use serde_json::{Value, json};
 
 use crate::config::Experiment;
-use crate::group::groups;
+use crate::group::{Group, groups};
 use crate::plan::Plan;
 use crate::record::Record;
-use crate::statistics;
+use crate::statistics::{self, StatisticEntry, Table};
 use crate::table::show;
 
 pub use html::{Contents, html};
 
+/// A group of trials and what the statistics say about it.
+pub struct Analysis<'a> {
+    /// The trials.
+    pub group: Group<'a>,
+    /// The statistics that the trials can tell, in the order of their table.
+    pub tables: Vec<(&'static StatisticEntry, Table)>,
+}
+
+/// Compute all statistics of all groups of trials.
+pub fn analyse<'a>(experiment: &Experiment, plan: &'a Plan, records: &'a [Record]) -> Vec<Analysis<'a>> {
+    let analyse = |group: Group<'a>| {
+        let tables = statistics::ALL.iter().filter_map(|entry| Some((entry, (entry.compute)(&group)?))).collect();
+        Analysis { group, tables }
+    };
+    groups(experiment, plan, records).into_par_iter().map(analyse).collect()
+}
+
 /// Return `statistics.json`: for every group of trials and every statistic one object with its table.
-pub fn statistics_json(experiment: &Experiment, plan: &Plan, records: &[Record]) -> Value {
+pub fn statistics_json(analyses: &[Analysis<'_>]) -> Value {
     let mut all = Vec::new();
-    for group in groups(experiment, plan, records) {
-        for entry in statistics::ALL {
-            let Some(table) = (entry.compute)(&group) else { continue };
+    for Analysis { group, tables } in analyses {
+        for (entry, table) in tables {
             all.push(json!({
                 "scenario": group.scenario,
                 "cell": group.cell,
@@ -91,8 +110,12 @@ pub fn timings_csv(records: &[Record]) -> String {
 }
 
 fn push_row(text: &mut String, cells: &[String]) {
-    let quoted: Vec<String> = cells.iter().map(|cell| quoted(cell)).collect();
-    text.push_str(&quoted.join(","));
+    for (place, cell) in cells.iter().enumerate() {
+        if place > 0 {
+            text.push(',');
+        }
+        text.push_str(&quoted(cell));
+    }
     text.push('\n');
 }
 
@@ -101,8 +124,12 @@ fn number(value: Option<f64>) -> String {
 }
 
 /// Quote a cell of a CSV file where it needs quoting (RFC 4180).
-fn quoted(cell: &str) -> String {
-    if cell.contains(['"', ',', '\n', '\r']) { format!("\"{}\"", cell.replace('"', "\"\"")) } else { cell.to_string() }
+fn quoted(cell: &str) -> Cow<'_, str> {
+    if cell.contains(['"', ',', '\n', '\r']) {
+        format!("\"{}\"", cell.replace('"', "\"\"")).into()
+    } else {
+        cell.into()
+    }
 }
 
 fn escaped(text: &str) -> String {

@@ -2,17 +2,17 @@
 
 use std::fmt::Write;
 
+use rayon::prelude::*;
 use serde::Serialize;
 use serde_json::{Value, json};
 
-use super::{escaped, summary};
+use super::{Analysis, escaped, summary};
 use crate::config::Experiment;
 use crate::figure::short;
-use crate::group::{Group, groups};
 use crate::plan::Plan;
 use crate::plots;
 use crate::record::{Record, VERSION};
-use crate::statistics;
+use crate::statistics::{StatisticEntry, TableCell};
 use crate::summary::SummaryRow;
 use crate::table;
 
@@ -48,13 +48,15 @@ pub struct Contents<'a> {
     pub records: &'a [Record],
     /// Rows of the summary.
     pub rows: &'a [SummaryRow],
+    /// Groups of trials with their statistics.
+    pub analyses: &'a [Analysis<'a>],
     /// Name of the experiment, for the title.
     pub name: &'a str,
 }
 
 /// Return the text of the page.
 pub fn html(contents: &Contents<'_>) -> String {
-    let Contents { experiment, plan, records, rows, name } = contents;
+    let Contents { experiment, plan, records, rows, name, .. } = contents;
     let expected = plan.num_records();
     let facts = format!(
         "{} cells, {} methods, {} trials; {} of {expected} records, seed {}",
@@ -138,34 +140,38 @@ fn element(id: &str, value: &impl Serialize) -> String {
 }
 
 fn data(contents: &Contents<'_>) -> String {
-    let groups = groups(contents.experiment, contents.plan, contents.records);
+    let groups = contents.analyses;
     let curves = groups.len() * contents.plan.methods.len() * CURVES;
     let points = (GROUP_BYTES / (POINT_BYTES * curves.max(1))).clamp(POINTS[0], POINTS[1]);
     // All cells together first: they are what a reader must have.
     let mut order: Vec<usize> = (0..groups.len()).collect();
-    order.sort_by_key(|number| (!groups[*number].cell.is_empty() && groups[*number].cells.len() == 1, *number));
+    order.sort_by_key(|number| (!groups[*number].group.cell.is_empty(), *number));
     let (mut text, mut kept) = (String::new(), vec![false; groups.len()]);
-    for number in order {
+    // A few at a time, on all threads, until the page is full.
+    for batch in order.chunks(32) {
         if text.len() >= GROUP_BYTES {
             break;
         }
-        let next = element(&format!("group-{number}"), &group_data(&groups[number], points));
-        if text.len() + next.len() < GROUP_BYTES {
-            text.push_str(&next);
-            kept[number] = true;
+        let make = |number: &usize| element(&format!("group-{number}"), &group_data(&groups[*number], points));
+        let elements: Vec<String> = batch.par_iter().map(make).collect();
+        for (number, next) in batch.iter().zip(elements) {
+            if text.len() + next.len() < GROUP_BYTES {
+                text.push_str(&next);
+                kept[*number] = true;
+            }
         }
     }
     let trials = trials(contents);
     if trials.len() <= TRIAL_BYTES {
         text.push_str(&element("trials", &trials));
     }
-    element("index", &index(contents, &groups, &kept)) + &text
+    element("index", &index(contents, &kept)) + &text
 }
 
 /// Return scenarios with their groups, methods, cells and the summary.
-fn index(contents: &Contents<'_>, groups: &[Group<'_>], kept: &[bool]) -> Value {
+fn index(contents: &Contents<'_>, kept: &[bool]) -> Value {
     let mut scenarios: Vec<(&str, Vec<Value>)> = Vec::new();
-    for (number, group) in groups.iter().enumerate() {
+    for (number, Analysis { group, .. }) in contents.analyses.iter().enumerate() {
         let label = if group.cell.is_empty() { "all cells" } else { &group.cell };
         let entry = json!({ "number": number, "label": label, "kept": kept[number] });
         match scenarios.iter_mut().find(|(name, _)| *name == group.scenario) {
@@ -184,15 +190,13 @@ fn index(contents: &Contents<'_>, groups: &[Group<'_>], kept: &[bool]) -> Value 
     })
 }
 
-fn group_data(group: &Group<'_>, points: usize) -> Value {
+fn group_data(Analysis { group, tables }: &Analysis<'_>, points: usize) -> Value {
     let figures: Vec<_> =
         plots::ALL.iter().filter_map(|entry| (entry.draw)(group)).map(|f| f.thinned(points)).collect();
-    let tables = statistics::ALL.iter().filter_map(|entry| {
-        let table = (entry.compute)(group)?;
-        let rows: Vec<Vec<String>> =
-            table.rows.iter().map(|row| row.iter().map(statistics::TableCell::text).collect()).collect();
-        let statistics::StatisticEntry { name, summary, source, .. } = entry;
-        Some(json!({ "name": name, "summary": summary, "source": source, "columns": table.columns, "rows": rows }))
+    let tables = tables.iter().map(|(entry, table)| {
+        let rows: Vec<Vec<String>> = table.rows.iter().map(|row| row.iter().map(TableCell::text).collect()).collect();
+        let StatisticEntry { name, summary, source, .. } = entry;
+        json!({ "name": name, "summary": summary, "source": source, "columns": table.columns, "rows": rows })
     });
     json!({ "methods": group.methods, "figures": figures, "tables": tables.collect::<Vec<_>>() })
 }

@@ -23,13 +23,14 @@ pub fn write(lab: &Lab, folder: &Path, trials: usize) -> Plan {
     fs::write(folder.join("experiment.toml"), experiment.to_toml()).unwrap();
     let plan = Plan::new(lab, &experiment).unwrap();
     let mut file = std::io::BufWriter::new(fs::File::create(folder.join("trials.jsonl")).unwrap());
+    let fingerprint = experiment.fingerprint();
     for trial in &plan.trials {
         let mut rng = seed::data_stream(1, trial.key);
         let hardness: f64 = rng.random();
         let offset: Vec<f64> = (0..6).map(|_| 0.6 * (rng.random::<f64>() - 0.5)).collect();
         for (method, name) in plan.methods.iter().enumerate() {
             let cell = &plan.cells[trial.cell];
-            let mut record = blank(&experiment.fingerprint(), cell, name, trial);
+            let mut record = blank(&fingerprint, cell, name, trial);
             let far = offset.iter().map(|v| v * v).sum::<f64>().sqrt();
             record.success = hardness + far < [1.1, 1.3, 1.1, 1.2][method];
             record.error = Some((0.01 + far * if record.success { 0.02 } else { 1.0 }) * (0.5 + rng.random::<f64>()));
