@@ -58,7 +58,12 @@ pub fn statistics_json(analyses: &[Analysis<'_>]) -> Value {
 /// Return `results.csv`: one row a record, in the order given, without any time.
 pub fn results_csv(records: &[Record]) -> String {
     let mut names: Vec<&String> = Vec::new();
+    let mut last = None;
     for record in records {
+        // Cells of a scenario have the same parameters, and stand together.
+        if last.replace(&record.scenario) == Some(&record.scenario) {
+            continue;
+        }
         names.extend(record.parameters.keys().filter(|key| !names.contains(key)).collect::<Vec<_>>());
     }
     let parameters: String = names.iter().map(|name| format!("{},", quoted(name))).collect();

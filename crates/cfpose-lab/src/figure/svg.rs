@@ -66,12 +66,13 @@ fn curves(figure: &Figure) -> String {
         x: Ruler::over(&figure.x, points().map(|point| point.x)),
         y: Ruler::over(&figure.y, points().flat_map(ends)),
     };
+    let below = below(figure);
     let legend = 16.0 * figure.series.len().div_ceil(3) as f64;
-    let mut text = begin(WIDTH, HEIGHT + legend, &figure.title);
+    let mut text = begin(WIDTH, HEIGHT + below + legend, &figure.title);
     axes(&mut text, figure, &frame);
     for (index, series) in figure.series.iter().enumerate() {
         let colour = colour(series, index);
-        let (x, y) = (AREA[0] + 165.0 * (index % 3) as f64, HEIGHT - 4.0 + 16.0 * (index / 3) as f64);
+        let (x, y) = (AREA[0] + 165.0 * (index % 3) as f64, HEIGHT + below - 4.0 + 16.0 * (index / 3) as f64);
         let _ = writeln!(
             text,
             "<rect x=\"{x}\" y=\"{}\" width=\"14\" height=\"4\" fill=\"{colour}\"/><text x=\"{}\" y=\"{y}\">{}</text>",
@@ -84,14 +85,35 @@ fn curves(figure: &Figure) -> String {
     text + "</svg>\n"
 }
 
+/// Names that do not fit beside each other are written slanted.
+fn is_slanted(figure: &Figure) -> bool {
+    let names = &figure.x.names;
+    let longest = names.iter().map(String::len).max().unwrap_or(0);
+    figure.x.scale == Scale::Names && longest as f64 * 5.6 > (AREA[1] - AREA[0]) / names.len() as f64
+}
+
+/// Room that slanted names take below the axis.
+fn below(figure: &Figure) -> f64 {
+    let longest = figure.x.names.iter().map(String::len).max().unwrap_or(0);
+    if is_slanted(figure) { (2.6 * longest as f64 - 16.0).clamp(0.0, 120.0) } else { 0.0 }
+}
+
 fn colour(series: &Series, index: usize) -> &'static str {
     COLOURS[series.methods.first().copied().unwrap_or(index) % COLOURS.len()]
 }
 
-/// Dots of several series at one name stand beside each other.
+/// Dots of several methods at one name stand beside each other.
 fn shift(figure: &Figure, index: usize) -> f64 {
-    let count = figure.series.len() as f64;
-    if figure.x.scale == Scale::Names { (index as f64 + 0.5) / count * 0.7 - 0.35 } else { 0.0 }
+    let own = &figure.series[index];
+    let shares = |other: &Series| own.points.iter().any(|p| other.points.iter().any(|q| p.x == q.x));
+    let is_alone = figure.series.iter().enumerate().all(|(number, other)| number == index || !shares(other));
+    if figure.x.scale != Scale::Names || is_alone {
+        return 0.0;
+    }
+    let mut owners: Vec<&[usize]> = figure.series.iter().map(|series| series.methods.as_slice()).collect();
+    owners.dedup();
+    let place = owners.iter().position(|methods| *methods == own.methods).unwrap_or(0);
+    (place as f64 + 0.5) / owners.len() as f64 * 0.7 - 0.35
 }
 
 fn axes(text: &mut String, figure: &Figure, frame: &Frame<'_>) {
@@ -99,7 +121,7 @@ fn axes(text: &mut String, figure: &Figure, frame: &Frame<'_>) {
     for (value, label) in frame.x.marks() {
         let (x, _) = frame.at(value, frame.y.low);
         let _ = writeln!(text, "<path d=\"M{x:.1} {bottom}v5\" stroke=\"black\"/>");
-        let slanted = figure.x.scale == Scale::Names && figure.x.names.len() > 3;
+        let slanted = is_slanted(figure);
         let (anchor, turn) =
             if slanted { ("end", format!(" transform=\"rotate(-25 {x:.1} 314)\"")) } else { ("middle", String::new()) };
         let _ = writeln!(
@@ -236,7 +258,7 @@ fn one_map(text: &mut String, figure: &Figure, map: &FieldMap, (left, top): (f64
     let _ = writeln!(
         text,
         "<g font-size=\"10\"><text x=\"{left}\" y=\"{0}\">-{1}</text><text x=\"{2}\" y=\"{0}\" text-anchor=\"end\">{1}</text>\
-         <text x=\"{middle}\" y=\"{0}\" text-anchor=\"middle\">{3}</text>\
+         <text x=\"{middle}\" y=\"{9}\" text-anchor=\"middle\">{3}</text>\
          <text x=\"{4}\" y=\"{bottom}\" text-anchor=\"end\">-{5}</text><text x=\"{4}\" y=\"{6}\" text-anchor=\"end\">{5}</text>\
          <text x=\"{4}\" y=\"{7}\" text-anchor=\"end\">{8}</text></g>",
         bottom + 12.0,
@@ -247,6 +269,7 @@ fn one_map(text: &mut String, figure: &Figure, map: &FieldMap, (left, top): (f64
         ends[1],
         top + 8.0,
         top + 0.5 * side,
-        escaped(&figure.y.label)
+        escaped(&figure.y.label),
+        bottom + 25.0
     );
 }

@@ -42,7 +42,7 @@ fn draw(group: &Group<'_>) -> Option<Figure> {
         series: Vec::new(),
         maps,
         note: "Offsets are tangent coordinates of the start at the truth, in the two directions in which starts differ most; \
-               the outermost fields hold what lies beyond. Hover for counts and 95 % Wilson intervals."
+               the outermost fields hold what lies beyond. Blue: always, orange: never. Hover for counts and 95 % Wilson intervals."
             .to_string(),
     })
 }

@@ -30,6 +30,7 @@ pub const SECONDS: PlotEntry = PlotEntry {
 };
 
 fn draw(group: &Group<'_>, plot: &'static str, title: &str, unit: &str, value: fn(&Record) -> f64) -> Option<Figure> {
+    let x = place_names(group)?;
     let series = |(method, name): (usize, &&str)| {
         let mut values = vec![Vec::new(); group.cells.len()];
         for problem in &group.problems {
@@ -52,7 +53,7 @@ fn draw(group: &Group<'_>, plot: &'static str, title: &str, unit: &str, value: f
     has_value.then(|| Figure {
         plot,
         title: title.to_string(),
-        x: place_names(group),
+        x,
         y: Axis::new(unit, Scale::Log),
         series,
         maps: Vec::new(),

@@ -53,11 +53,15 @@ pub static ALL: &[PlotEntry] = &[
     time_over_points::ENTRY,
 ];
 
-/// Return the axis of a plot by cell; a single cell gives its methods places of their own.
-fn place_names(group: &Group<'_>) -> Axis {
+/// Most cells side by side; the cells of a larger grid are looked at one by one.
+const MAX_CELLS: usize = 400;
+
+/// Return the axis of a plot by cell; a single cell gives its methods places of their own. `None` for too many cells.
+fn place_names(group: &Group<'_>) -> Option<Axis> {
     match group.cells.as_slice() {
-        [_] => Axis::of_names("method", group.methods.iter().map(|name| (*name).to_string()).collect()),
-        cells => Axis::of_names("cell", cells.iter().map(|(_, name)| name.clone()).collect()),
+        [_] => Some(Axis::of_names("method", group.methods.iter().map(|name| (*name).to_string()).collect())),
+        cells if cells.len() > MAX_CELLS => None,
+        cells => Some(Axis::of_names("cell", cells.iter().map(|(_, name)| name.clone()).collect())),
     }
 }
 

@@ -9,6 +9,7 @@ use crate::statistics::wilson95;
 pub const ENTRY: PlotEntry = PlotEntry { name: "success", summary: "success rate of every method in every cell", draw };
 
 fn draw(group: &Group<'_>) -> Option<Figure> {
+    let x = place_names(group)?;
     let series = |(method, name): (usize, &&str)| {
         let mut counts = vec![(0, 0); group.cells.len()];
         for problem in &group.problems {
@@ -29,7 +30,7 @@ fn draw(group: &Group<'_>) -> Option<Figure> {
     Some(Figure {
         plot: ENTRY.name,
         title: "Success".to_string(),
-        x: place_names(group),
+        x,
         y: Axis::new("trials solved", Scale::Share),
         series: group.methods.iter().enumerate().map(series).collect(),
         maps: Vec::new(),

@@ -170,20 +170,25 @@ fn data(contents: &Contents<'_>) -> String {
 
 /// Return scenarios with their groups, methods, cells and the summary.
 fn index(contents: &Contents<'_>, kept: &[bool]) -> Value {
-    let mut scenarios: Vec<(&str, Vec<Value>)> = Vec::new();
+    let mut scenarios: Vec<(&str, Vec<Value>, usize)> = Vec::new();
     for (number, Analysis { group, .. }) in contents.analyses.iter().enumerate() {
-        let label = if group.cell.is_empty() { "all cells" } else { &group.cell };
-        let entry = json!({ "number": number, "label": label, "kept": kept[number] });
-        match scenarios.iter_mut().find(|(name, _)| *name == group.scenario) {
-            Some((_, list)) => list.push(entry),
-            None => scenarios.push((group.scenario, vec![entry])),
+        if scenarios.last().is_none_or(|(name, ..)| *name != group.scenario) {
+            scenarios.push((group.scenario, Vec::new(), 0));
+        }
+        let Some((_, list, left_out)) = scenarios.last_mut() else { continue };
+        if kept[number] {
+            let label = if group.cell.is_empty() { "all cells" } else { &group.cell };
+            list.push(json!({ "number": number, "label": label }));
+        } else {
+            *left_out += 1;
         }
     }
-    let scenarios: Vec<Value> =
-        scenarios.into_iter().map(|(name, groups)| json!({ "name": name, "groups": groups })).collect();
+    let scenarios = scenarios
+        .into_iter()
+        .map(|(name, groups, left_out)| json!({ "name": name, "groups": groups, "left_out": left_out }));
     let few = contents.rows.len() <= MAX_ROWS;
     json!({
-        "scenarios": scenarios,
+        "scenarios": scenarios.collect::<Vec<_>>(),
         "methods": contents.plan.methods,
         "cells": if few { contents.plan.cells.iter().map(crate::plan::Cell::label).collect() } else { Vec::new() },
         "summary": summary::csv_rows(&contents.rows[..contents.rows.len().min(MAX_ROWS)]),

@@ -50,7 +50,8 @@ fn number(value: f64) -> String {
     match value {
         v if !v.is_finite() => "-".to_string(),
         v if v != 0.0 && !(1e-3..1e5).contains(&v.abs()) => format!("{v:.2e}"),
-        v if v.abs() >= 100.0 => format!("{v:.0}"),
+        v if v.abs() >= 100.0 || v == v.trunc() => format!("{v:.0}"),
+        v if v.abs() >= 10.0 => format!("{v:.2}"),
         v => format!("{v:.4}"),
     }
 }

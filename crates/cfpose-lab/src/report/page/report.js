@@ -90,7 +90,7 @@ function show() {
   plots.replaceChildren();
   tables.replaceChildren();
   if (!group) {
-    plots.append(element("p", {}, "This cell is left out to keep the page small: choose all cells, or write its figures with `cfpose report --svg`."));
+    plots.append(element("p", {}, "All cells of this scenario are left out to keep the page small: `cfpose report --svg` writes their figures."));
     return;
   }
   // A group numbers its own methods: those that have records there.
@@ -116,9 +116,10 @@ function show() {
 
 function fillCells() {
   const scenario = index.scenarios[state.scenario];
-  const option = (group) => element("option", { value: String(group.number) }, group.label + (group.kept ? "" : " (left out)"));
+  const option = (group) => element("option", { value: String(group.number) }, group.label);
   $("cell").replaceChildren(...scenario.groups.map(option));
-  state.group = scenario.groups[0].number;
+  if (scenario.left_out) $("cell").append(element("option", { disabled: "" }, `${scenario.left_out} more are left out of this page`));
+  state.group = scenario.groups.length ? scenario.groups[0].number : -1;
 }
 
 function fillMethods() {
