@@ -13,6 +13,9 @@ use crate::table;
 /// Most rows of the table of all cells in a page.
 const MAX_ROWS: usize = 60;
 
+/// Pairs of methods above which a page shows those with the first method only.
+const MAX_PAIRS: usize = 15;
+
 /// Statistics that a page shows for all cells of a scenario together.
 const SHOWN: [&str; 4] = ["mcnemar", "wilcoxon", "exponent", "basin-map"];
 
@@ -94,13 +97,19 @@ fn tables(group: &Group<'_>, with_rates: bool) -> String {
     let mut text = String::new();
     let shown = |name: &str| SHOWN.contains(&name) || (with_rates && ["success", "median"].contains(&name));
     for entry in statistics::ALL.iter().filter(|entry| shown(entry.name)) {
-        let Some(table) = (entry.compute)(group) else { continue };
+        let Some(mut table) = (entry.compute)(group) else { continue };
+        let all = table.rows.len();
+        if all > MAX_PAIRS && ["mcnemar", "wilcoxon"].contains(&entry.name) {
+            table.rows.retain(|row| row[0] == TableCell::Text(group.methods[0].to_string()));
+        }
+        let left = table.rows.len();
+        let pairs = if left < all { format!("; {left} of {all} pairs, those of the first method") } else { String::new() };
         let header: Vec<String> = table.columns.iter().map(ToString::to_string).collect();
         let rows: Vec<Vec<String>> = table.rows.iter().map(|row| row.iter().map(TableCell::text).collect()).collect();
         let scenario = group.scenario;
         let _ = write!(
             text,
-            "\nAll cells of `{scenario}`: {} ({}).\n\n{}",
+            "\nAll cells of `{scenario}`: {} ({}){pairs}.\n\n{}",
             entry.summary,
             entry.source,
             table::markdown(&header, &rows)
