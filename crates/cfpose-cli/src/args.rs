@@ -12,7 +12,7 @@ mod problem;
 mod reading;
 
 pub use about::{CheckArgs, CompletionsArgs, DocsArgs, ListArgs, ListKind, ManArgs};
-pub use experiments::{DemoArgs, FolderArgs, LearnArgs, RunArgs};
+pub use experiments::{DemoArgs, FolderArgs, LearnArgs, ReportArgs, RunArgs};
 pub use images::{CellsArgs, LookArgs, RegisterArgs, SegmentArgs};
 pub use pose::{PoseArgs, PoseCommand, PoseTarget};
 pub use problem::{EstimateArgs, EvaluateArgs, FrameName, Matching, ProblemArgs, Reflections};
@@ -79,7 +79,7 @@ pub enum Command {
     /// Turn the records of all shards into tables
     Merge(FolderArgs),
     /// Print the tables of a run and write its report.html
-    Report(FolderArgs),
+    Report(ReportArgs),
     /// Train weights of the family `learned`
     Learn(LearnArgs),
     /// Work with pose files

@@ -44,6 +44,42 @@ fn shards_merge_into_what_one_run_writes() {
 }
 
 #[test]
+fn a_report_writes_for_papers_and_pages() {
+    let desk = desk();
+    desk.write("page.md", "# Results\n\nBefore.\n");
+    desk.json("run e.toml --out e");
+    let rows = desk.json("report e --svg figures --latex tables --docs page.md");
+    assert_eq!(rows, desk.json("merge e"));
+    let names = |folder: &str| -> Vec<String> {
+        let files = std::fs::read_dir(desk.path(folder)).unwrap();
+        files.map(|file| file.unwrap().file_name().into_string().unwrap()).collect()
+    };
+    // All cells together, then each.
+    for name in ["000-planar-curve-all", "001-planar-curve-curve-heart", "002-planar-curve-curve-fish"] {
+        for plot in
+            ["success", "performance-profile", "data-profile", "mcnemar", "wilcoxon", "convergence", "median-error"]
+        {
+            let file = format!("{name}--{plot}.svg");
+            assert!(names("figures").contains(&file), "{file}");
+            assert!(desk.read(&format!("figures/{file}")).starts_with("<svg"));
+        }
+        let table = desk.read(&format!("tables/{name}--mcnemar.tex"));
+        assert!(table.contains("\\begin{tabular}") && table.contains("paper & hermite & "), "{table}");
+    }
+    let page = desk.read("page.md");
+    assert!(page.starts_with("# Results\n\nBefore.\n\n<!-- results of e:"), "{page}");
+    assert!(page.contains("cfpose run experiments/e.toml --trials 2") && page.contains("McNemar"), "{page}");
+    // Again: the section is replaced, what stands around it stays.
+    desk.write("page.md", format!("{page}\nAfter.\n"));
+    desk.json("report e --docs page.md");
+    assert_eq!(desk.read("page.md"), format!("{page}\nAfter.\n"));
+    assert!(desk.fails(2, "report e --docs e/results.csv").contains("would overwrite"));
+    let statistics: serde_json::Value = serde_json::from_str(&desk.read("e/statistics.json")).unwrap();
+    let wilcoxon = statistics.as_array().unwrap().iter().find(|entry| entry["statistic"] == "wilcoxon").unwrap();
+    assert_eq!((&wilcoxon["cell"], &wilcoxon["rows"][0][2]), (&json!(""), &json!(4)));
+}
+
+#[test]
 fn a_dry_run_counts_and_writes_nothing() {
     let desk = desk();
     let plan = desk.json("run e.toml --dry --trials 5 --shard 1/3");

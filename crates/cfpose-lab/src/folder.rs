@@ -4,7 +4,7 @@
 //! * `trials.jsonl` (whole run) or `trials-I-of-N.jsonl` (shard): one record a line, appended as trials end. Only the run that
 //!   holds the file's lock writes it (`folder/lock.rs`).
 //! * `earlier.json`: fingerprints of the smaller experiments that the folder held before it grew.
-//! * `results.csv`, `timings.csv`, `summary.json`, `tables.md`, `report.html`, where there are several record files also
+//! * `results.csv`, `timings.csv`, `summary.json`, `statistics.json`, `tables.md`, `report.html`, where there are several record files also
 //!   `records.jsonl`, and last `manifest.json`: made from the records.
 
 pub(crate) mod lock;
@@ -13,6 +13,8 @@ use std::fs;
 use std::io::{ErrorKind, Write};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
+
+use rayon::prelude::*;
 
 use crate::error::LabError;
 use crate::record::Record;
@@ -128,7 +130,7 @@ pub fn record_files(folder: &Path) -> Result<Vec<PathBuf>, LabError> {
 /// [`LabError::Io`] for a folder that is there and cannot be read.
 pub fn own_files(folder: &Path) -> Result<Vec<PathBuf>, LabError> {
     let names = [EXPERIMENT, TRIALS, RECORDS, EARLIER, "results.csv", "timings.csv", "summary.json", "tables.md"];
-    let names = names.into_iter().chain(["report.html", "manifest.json"]);
+    let names = names.into_iter().chain(["statistics.json", "report.html", "manifest.json"]);
     let mut files: Vec<PathBuf> = names.map(|name| folder.join(name)).collect();
     if folder.is_dir() {
         for inner in result_folders(folder)? {
@@ -165,7 +167,10 @@ pub fn read_records(path: &Path) -> Result<Vec<(usize, Record)>, LabError> {
     let bytes = fs::read(path).map_err(io_error(path, "read"))?;
     let whole = &bytes[..bytes.iter().rposition(|byte| *byte == b'\n').map_or(0, |end| end + 1)];
     let lines = whole.split(|byte| *byte == b'\n').enumerate().filter(|(_, line)| !line.trim_ascii().is_empty());
-    lines
+    // All threads read; the first bad line in the order of the file is the one that is told.
+    let read: Vec<Result<(usize, Record), LabError>> = lines
+        .collect::<Vec<_>>()
+        .into_par_iter()
         .map(|(index, line)| match serde_json::from_slice(line) {
             Ok(record) => Ok((index + 1, record)),
             Err(problem) => Err(LabError::Record {
@@ -174,7 +179,8 @@ pub fn read_records(path: &Path) -> Result<Vec<(usize, Record)>, LabError> {
                 problem: format!("this is no record: {problem}"),
             }),
         })
-        .collect()
+        .collect();
+    read.into_iter().collect()
 }
 
 /// As [`read_records`]; a file that is not there has none.

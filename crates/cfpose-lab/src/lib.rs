@@ -6,7 +6,8 @@
 //!
 //! * [`scenario`]: what an author of a scenario writes; [`scenarios`]: the table.
 //! * [`seed`]: why growing a grid changes no old trial.
-//! * [`statistics`], [`calibration`], [`summary`], [`table`], [`report`], [`plot`]: what comes out.
+//! * [`statistics`], [`calibration`], [`summary`], [`table`], [`report`], [`plot`]: what comes out;
+//!   [`group`], [`plots`], [`figure`]: which trials are compared, and how that is drawn.
 //!
 //! The crate never parses arguments.
 
@@ -17,14 +18,18 @@ pub mod config;
 pub mod curves;
 mod data;
 pub mod error;
+pub mod figure;
 pub mod folder;
+pub mod group;
 pub mod growth;
 pub mod lab;
 pub mod merge;
 pub mod method;
 pub mod paired;
+mod path;
 pub mod plan;
 pub mod plot;
+pub mod plots;
 pub mod record;
 pub mod rendered;
 pub mod report;
@@ -60,6 +65,10 @@ pub use trial::nearest_truth;
 #[cfg(doctest)]
 #[doc = include_str!("../../../docs/adding/scenario.md")]
 mod adding_a_scenario {}
+
+#[cfg(doctest)]
+#[doc = include_str!("../../../docs/adding/plot.md")]
+mod adding_a_plot {}
 
 #[cfg(doctest)]
 #[doc = include_str!("../../../docs/experiments.md")]

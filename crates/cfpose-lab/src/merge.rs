@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
+use rayon::prelude::*;
 use serde_json::json;
 
 use crate::conditions::condition_tables;
@@ -12,6 +13,7 @@ use crate::folder::lock::FolderLock;
 use crate::folder::{
     EXPERIMENT, RECORDS, earlier, lines_of, read_text, record_files, records_if_there, result_folders, write_whole,
 };
+use crate::group::groups;
 use crate::lab::Lab;
 use crate::plan::Plan;
 use crate::record::{DataHashes, Record, VERSION};
@@ -93,7 +95,7 @@ pub(crate) fn collect(lab: &Lab, folder: &Path) -> Result<Collected, LabError> {
         same_experiment(&path, &fingerprint, &Experiment::load(lab, &path)?.fingerprint())?;
     }
     let plan = Plan::new(lab, &experiment)?;
-    let mut reader = Reader { fingerprint: &fingerprint, places: places(&plan), ..Reader::default() };
+    let mut reader = Reader { fingerprint: &fingerprint, places: Places::of(&plan), ..Reader::default() };
     for folder in &folders {
         let earlier = earlier(folder)?;
         for path in record_files(folder)? {
@@ -103,7 +105,7 @@ pub(crate) fn collect(lab: &Lab, folder: &Path) -> Result<Collected, LabError> {
     if let Some(damage) = reader.damage {
         return Err(damage);
     }
-    let (origins, records) = reader.sorted.into_values().unzip();
+    let (origins, records) = reader.sorted.into_values().map(|found| *found).unzip();
     let Reader { isa, version, files, .. } = reader;
     let collected =
         Collected { plan, records, origins, isa, version, files, fingerprint: fingerprint.clone(), experiment };
@@ -113,23 +115,36 @@ pub(crate) fn collect(lab: &Lab, folder: &Path) -> Result<Collected, LabError> {
 
 type Place = (usize, usize, usize);
 
-/// Return cell, method and repetition of every record that the plan holds.
-fn places(plan: &Plan) -> BTreeMap<(String, String), Place> {
-    let mut places = BTreeMap::new();
-    for trial in &plan.trials {
-        for (m, method) in plan.methods.iter().enumerate() {
-            places.insert((format!("{:016x}", trial.key), method.clone()), (trial.cell, m, trial.repetition));
+/// Where every trial and method of a plan stands.
+#[derive(Default)]
+struct Places {
+    /// Cell and repetition by key.
+    trials: BTreeMap<u64, (usize, usize)>,
+    methods: BTreeMap<String, usize>,
+}
+
+impl Places {
+    fn of(plan: &Plan) -> Self {
+        Self {
+            trials: plan.trials.iter().map(|trial| (trial.key, (trial.cell, trial.repetition))).collect(),
+            methods: plan.methods.iter().enumerate().map(|(m, method)| (method.clone(), m)).collect(),
         }
     }
-    places
+
+    /// Return the place of a record, if the plan holds it.
+    fn find(&self, record: &Record) -> Option<Place> {
+        let key = u64::from_str_radix(&record.key, 16).ok().filter(|_| record.key.len() == 16)?;
+        let (cell, repetition) = *self.trials.get(&key)?;
+        Some((cell, *self.methods.get(&record.method)?, repetition))
+    }
 }
 
 /// Reads record files one after the other.
 #[derive(Default)]
 struct Reader<'a> {
     fingerprint: &'a str,
-    places: BTreeMap<(String, String), Place>,
-    sorted: BTreeMap<Place, (Origin, Record)>,
+    places: Places,
+    sorted: BTreeMap<Place, Box<(Origin, Record)>>,
     isa: Option<String>,
     version: Option<String>,
     files: Vec<(PathBuf, usize)>,
@@ -142,9 +157,9 @@ impl Reader<'_> {
         let records = records_if_there(&path)?;
         let file = self.files.len();
         self.files.push((path.clone(), records.len()));
-        for (line, mut record) in records {
+        let whole: Vec<bool> = records.par_iter().map(|(_, record)| record.is_whole()).collect();
+        for ((line, mut record), whole) in records.into_iter().zip(whole) {
             let wrong = |problem: &str| LabError::Record { path: path.clone(), line, problem: problem.to_string() };
-            let whole = record.is_whole();
             if earlier.contains(&record.experiment) {
                 record.experiment = self.fingerprint.to_string();
                 record.seal();
@@ -152,16 +167,15 @@ impl Reader<'_> {
             same_experiment(&path, self.fingerprint, &record.experiment)?;
             same_isa(&path, self.isa.get_or_insert_with(|| record.isa.clone()), &record.isa)?;
             same_version(&path, self.version.get_or_insert_with(|| record.version.clone()), &record.version)?;
-            let place =
-                *self.places.get(&record.identity()).ok_or_else(|| wrong("the trial is not in the experiment"))?;
-            if self.sorted.get(&place).is_some_and(|(_, other)| !other.same_result(&record)) {
+            let place = self.places.find(&record).ok_or_else(|| wrong("the trial is not in the experiment"))?;
+            if self.sorted.get(&place).is_some_and(|found| !found.1.same_result(&record)) {
                 return Err(wrong("contradicts another record of the same trial and method"));
             }
             if !whole && self.damage.is_none() {
                 self.damage =
                     Some(wrong("the record does not match its checksum; take the line out and resume the run"));
             }
-            self.sorted.entry(place).or_insert((Origin { file, line, cell: place.0 }, record));
+            self.sorted.entry(place).or_insert_with(|| Box::new((Origin { file, line, cell: place.0 }, record)));
         }
         Ok(())
     }
@@ -246,10 +260,12 @@ pub(crate) fn write_tables(folder: &Path, collected: Collected, _lock: &FolderLo
     write("summary.json", &pretty(&json!(rows)))?;
     let conditions = condition_tables(&collected.records);
     write("tables.md", &format!("{}{conditions}", tables(&collected.experiment, &rows)))?;
-    write(
-        "report.html",
-        &report::html(&collected.experiment, &rows, collected.records.len(), collected.plan.num_records()),
-    )?;
+    let Collected { experiment, plan, records, .. } = &collected;
+    let analyses = report::analyse(experiment, plan, records);
+    write("statistics.json", &format!("{}\n", report::statistics_json(&analyses)))?;
+    let contents =
+        report::Contents { experiment, plan, records, rows: &rows, analyses: &analyses, name: &name_of(folder) };
+    write("report.html", &report::html(&contents))?;
     // Last: a manifest says that the other files are there.
     write_whole(&folder.join("manifest.json"), &pretty(&manifest(&collected, &files)))?;
     Ok(Merged {
@@ -259,6 +275,49 @@ pub(crate) fn write_tables(folder: &Path, collected: Collected, _lock: &FolderLo
         records: collected.records.len(),
         expected: collected.plan.num_records(),
     })
+}
+
+/// Return the name of a folder of results: that of its experiment where `run` chose it.
+fn name_of(folder: &Path) -> String {
+    let whole = std::path::absolute(folder).unwrap_or_else(|_| folder.to_path_buf());
+    whole.file_name().unwrap_or(folder.as_os_str()).to_string_lossy().into_owned()
+}
+
+/// Write figures as SVG, tables of statistics as LaTeX, from the records of a folder; returns the files.
+///
+/// # Errors
+/// As [`merge`].
+pub fn export(lab: &Lab, folder: &Path, svg: Option<&Path>, latex: Option<&Path>) -> Result<Vec<PathBuf>, LabError> {
+    let collected = collect(lab, folder)?;
+    let groups = groups(&collected.experiment, &collected.plan, &collected.records);
+    let mut files = Vec::new();
+    if let Some(to) = svg {
+        files.extend(report::export::write_svg(&groups, to)?);
+    }
+    if let Some(to) = latex {
+        files.extend(report::export::write_latex(&groups, to)?);
+    }
+    Ok(files)
+}
+
+/// Put the results of a folder into a page in Markdown: in the place of the section that has the folder's name, else at its end. The
+/// rest of the page stays; the day is that of the newest record file.
+///
+/// # Errors
+/// As [`merge`]; [`LabError::Io`] for a page that cannot be read or written.
+pub fn document(lab: &Lab, folder: &Path, page: &Path) -> Result<(), LabError> {
+    let collected = collect(lab, folder)?;
+    let rows = summarise(&collected.plan, &collected.records);
+    let seconds = |path: &PathBuf| {
+        let written = std::fs::metadata(path).and_then(|file| file.modified()).ok()?;
+        written.duration_since(std::time::UNIX_EPOCH).ok().map(|since| since.as_secs())
+    };
+    let newest = collected.files.iter().filter_map(|(path, _)| seconds(path)).max().unwrap_or(0);
+    let Collected { experiment, plan, records, .. } = &collected;
+    let (name, day) = (name_of(folder), report::docs::day_of(newest));
+    let section = report::docs::Section { name: &name, day: &day, experiment, plan, records, rows: &rows };
+    let current = if page.is_file() { read_text(page)? } else { String::new() };
+    write_whole(page, &section.into_page(&current))
 }
 
 /// Render the summary and, where the experiment names printed figures, the comparison with them.

@@ -1,53 +1,17 @@
-//! Paired comparison of methods on the same trials: McNemar's test, Holm's correction, the radius of a basin.
+//! Paired comparison of methods on the same trials, pooled by some parameters, as Markdown; the radius of a basin.
 
 use std::collections::BTreeMap;
 use std::fmt::Write;
 
-use rand::RngExt;
-use statrs::distribution::{Binomial, DiscreteCDF};
-
 use crate::record::Record;
 use crate::seed::data_stream;
-use crate::statistics::{median, quantile, wilson95};
+use crate::statistics::entries::mcnemar::mcnemar;
+use crate::statistics::{holm, median, quantile, wilson95};
 use crate::table::show;
+use rand::RngExt;
 
 /// Resamples of an interval of a radius.
 const RESAMPLES: usize = 2000;
-
-/// Return the two-sided p-value of McNemar's exact test: of the pairs in which just one of two methods succeeds, each is as likely
-/// to be the one.
-///
-/// Source: McNemar 1947, exact binomial form. *Degenerate when* no pair differs: 1.
-///
-/// ```
-/// use cfpose_lab::paired::mcnemar;
-/// // 2 sum_(k = 0..2) C(12, k) / 2^12 = 158 / 4096.
-/// assert!((mcnemar(2, 10) - 158.0 / 4096.0).abs() < 1e-12);
-/// assert_eq!(mcnemar(0, 0), 1.0);
-/// ```
-pub fn mcnemar(only_first: usize, only_second: usize) -> f64 {
-    let (low, n) = (only_first.min(only_second) as u64, (only_first + only_second) as u64);
-    Binomial::new(0.5, n).map_or(1.0, |binomial| (2.0 * binomial.cdf(low)).min(1.0))
-}
-
-/// Return p-values corrected for their number by Holm's step-down procedure, in the order given.
-///
-/// Source: Holm 1979.
-///
-/// ```
-/// use cfpose_lab::paired::holm;
-/// assert_eq!(holm(&[0.01, 0.04, 0.03]), [0.03, 0.06, 0.06]);
-/// ```
-pub fn holm(p: &[f64]) -> Vec<f64> {
-    let mut order: Vec<usize> = (0..p.len()).collect();
-    order.sort_by(|a, b| p[*a].total_cmp(&p[*b]));
-    let (mut corrected, mut largest) = (vec![0.0; p.len()], 0.0_f64);
-    for (rank, i) in order.into_iter().enumerate() {
-        largest = largest.max(p[i] * (p.len() - rank) as f64).min(1.0);
-        corrected[i] = largest;
-    }
-    corrected
-}
 
 /// Return where the success falls below `level`, by linear interpolation between (spread, rate) pairs in ascending order, from rate 1
 /// at spread 0; the last spread where it never does.

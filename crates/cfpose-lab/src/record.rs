@@ -90,6 +90,21 @@ pub struct Record {
     /// Whether the trial took at least the experiment's wall-clock limit, so that its result depends on the machine.
     #[serde(default)]
     pub timed_out: bool,
+    /// Number of source and target points; 0 in records of programs that did not count.
+    #[serde(skip_serializing_if = "is_zero", default)]
+    pub num_source: usize,
+    /// Number of target points, likewise.
+    #[serde(skip_serializing_if = "is_zero", default)]
+    pub num_target: usize,
+    /// Free tangent directions of theta.
+    #[serde(skip_serializing_if = "is_zero", default)]
+    pub unknowns: usize,
+    /// Tangent coordinates of the start at the truth, by direction (`rx`); empty where the method finds its own start.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty", default)]
+    pub start_offset: BTreeMap<String, f64>,
+    /// Lowest cost of the first solve from the first start after every budget of [`BUDGETS`], up to the one in which it ended.
+    #[serde(skip_serializing_if = "Vec::is_empty", default)]
+    pub trace: Vec<f64>,
     /// Why there is no estimate.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub message: Option<String>,
@@ -108,6 +123,13 @@ pub struct Record {
     pub checksum: String,
 }
 
+/// Numbers of residual evaluations after which a trace is read.
+pub const BUDGETS: [usize; 20] = [1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128, 192, 256, 384, 512, 768, 1024];
+
+fn is_zero(value: &usize) -> bool {
+    *value == 0
+}
+
 fn is_true(value: &bool) -> bool {
     *value
 }
@@ -122,6 +144,17 @@ impl Record {
         self.verdict.as_deref() == Some("good") && !(self.success && self.determined)
     }
 
+    /// Return the number of source points, if the record or a parameter `points` says it.
+    pub fn num_points(&self) -> Option<usize> {
+        let parameter = || self.parameters.get("points")?.as_u64().map(|count| count as usize);
+        Some(self.num_source).filter(|count| *count > 0).or_else(parameter)
+    }
+
+    /// Return the number of unknowns: free tangent directions, or the length of theta in records that do not say.
+    pub fn num_unknowns(&self) -> usize {
+        if self.unknowns > 0 { self.unknowns } else { self.theta.as_ref().map_or(0, Vec::len) }
+    }
+
     /// Say whether two records agree in everything but the time.
     pub fn same_result(&self, other: &Record) -> bool {
         let result = |record: &Record| Record { seconds: 0.0, checksum: String::new(), ..record.clone() };
@@ -130,8 +163,17 @@ impl Record {
 
     /// Compute the checksum of the record as it is.
     fn sum(&self) -> String {
-        let bare = Record { checksum: String::new(), ..self.clone() };
-        format!("{:016x}", fnv1a(serde_json::to_string(&bare).unwrap_or_default().as_bytes()))
+        let mut line = serde_json::to_string(self).unwrap_or_default();
+        // The checksum is the last field: cutting it out of the line is cheaper than a record without it.
+        let end = format!("\"checksum\":\"{}\"}}", self.checksum);
+        if line.ends_with(&end) {
+            line.truncate(line.len() - end.len());
+            line.push_str("\"checksum\":\"\"}");
+        } else {
+            let bare = Record { checksum: String::new(), ..self.clone() };
+            line = serde_json::to_string(&bare).unwrap_or_default();
+        }
+        format!("{:016x}", fnv1a(line.as_bytes()))
     }
 
     /// Write the checksum into the record.

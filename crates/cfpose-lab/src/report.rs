@@ -1,18 +1,69 @@
-//! Files made from records: CSV tables and a self-contained page.
+//! Files made from records: CSV tables, a self-contained page, figures and tables for papers.
 
-use std::fmt::Write;
+pub mod docs;
+pub(crate) mod export;
+mod html;
+pub mod latex;
+mod summary;
 
-use serde_json::Value;
+use std::borrow::Cow;
+
+use rayon::prelude::*;
+use serde_json::{Value, json};
 
 use crate::config::Experiment;
+use crate::group::{Group, groups};
+use crate::plan::Plan;
 use crate::record::Record;
-use crate::summary::SummaryRow;
-use crate::table::{self, show};
+use crate::statistics::{self, StatisticEntry, Table};
+use crate::table::show;
+
+pub use html::{Contents, html};
+
+/// A group of trials and what the statistics say about it.
+pub struct Analysis<'a> {
+    /// The trials.
+    pub group: Group<'a>,
+    /// The statistics that the trials can tell, in the order of their table.
+    pub tables: Vec<(&'static StatisticEntry, Table)>,
+}
+
+/// Compute all statistics of all groups of trials.
+pub fn analyse<'a>(experiment: &Experiment, plan: &'a Plan, records: &'a [Record]) -> Vec<Analysis<'a>> {
+    let analyse = |group: Group<'a>| {
+        let tables = statistics::ALL.iter().filter_map(|entry| Some((entry, (entry.compute)(&group)?))).collect();
+        Analysis { group, tables }
+    };
+    groups(experiment, plan, records).into_par_iter().map(analyse).collect()
+}
+
+/// Return `statistics.json`: for every group of trials and every statistic one object with its table.
+pub fn statistics_json(analyses: &[Analysis<'_>]) -> Value {
+    let mut all = Vec::new();
+    for Analysis { group, tables } in analyses {
+        for (entry, table) in tables {
+            all.push(json!({
+                "scenario": group.scenario,
+                "cell": group.cell,
+                "parameters": group.parameters,
+                "statistic": entry.name,
+                "columns": table.columns,
+                "rows": table.rows,
+            }));
+        }
+    }
+    Value::Array(all)
+}
 
 /// Return `results.csv`: one row a record, in the order given, without any time.
 pub fn results_csv(records: &[Record]) -> String {
     let mut names: Vec<&String> = Vec::new();
+    let mut last = None;
     for record in records {
+        // Cells of a scenario have the same parameters, and stand together.
+        if last.replace(&record.scenario) == Some(&record.scenario) {
+            continue;
+        }
         names.extend(record.parameters.keys().filter(|key| !names.contains(key)).collect::<Vec<_>>());
     }
     let parameters: String = names.iter().map(|name| format!("{},", quoted(name))).collect();
@@ -64,8 +115,12 @@ pub fn timings_csv(records: &[Record]) -> String {
 }
 
 fn push_row(text: &mut String, cells: &[String]) {
-    let quoted: Vec<String> = cells.iter().map(|cell| quoted(cell)).collect();
-    text.push_str(&quoted.join(","));
+    for (place, cell) in cells.iter().enumerate() {
+        if place > 0 {
+            text.push(',');
+        }
+        text.push_str(&quoted(cell));
+    }
     text.push('\n');
 }
 
@@ -74,78 +129,14 @@ fn number(value: Option<f64>) -> String {
 }
 
 /// Quote a cell of a CSV file where it needs quoting (RFC 4180).
-fn quoted(cell: &str) -> String {
-    if cell.contains(['"', ',', '\n', '\r']) { format!("\"{}\"", cell.replace('"', "\"\"")) } else { cell.to_string() }
+fn quoted(cell: &str) -> Cow<'_, str> {
+    if cell.contains(['"', ',', '\n', '\r']) {
+        format!("\"{}\"", cell.replace('"', "\"\"")).into()
+    } else {
+        cell.into()
+    }
 }
 
 fn escaped(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
-}
-
-const STYLE: &str = "body{font:15px/1.5 system-ui,sans-serif;max-width:72em;margin:2em auto;padding:0 1em;color:#222}\
-table{border-collapse:collapse;margin:1em 0}td,th{padding:.25em .7em;border-bottom:1px solid #ddd;text-align:right}\
-th{background:#f4f4f4}pre{background:#f7f7f7;padding:1em;overflow:auto}svg{vertical-align:middle}";
-
-/// Return `report.html`: a table with intervals drawn, the comparison with printed figures, the experiment. No file, font
-/// or script from elsewhere is needed.
-pub fn html(experiment: &Experiment, rows: &[SummaryRow], records: usize, expected: usize) -> String {
-    let mut page = format!(
-        "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><title>cfpose experiment {fingerprint}</title>\
-         <style>{STYLE}</style></head><body>\n<h1>Experiment {fingerprint}</h1>\n\
-         <p>{records} of {expected} records, seed {seed}. Bars: success rate with its 95 % Wilson interval. \
-         Medians are over all trials.</p>\n",
-        fingerprint = experiment.fingerprint(),
-        seed = experiment.seed,
-    );
-    page.push_str(&summary_html(rows));
-    let published = table::published_tables(experiment, rows);
-    if !published.is_empty() {
-        let _ = write!(page, "<h2>Beside printed figures</h2>\n<pre>{}</pre>\n", escaped(&published));
-    }
-    let _ =
-        write!(page, "<h2>Resolved experiment</h2>\n<pre>{}</pre>\n</body></html>\n", escaped(&experiment.to_toml()));
-    page
-}
-
-fn summary_html(rows: &[SummaryRow]) -> String {
-    let varying = table::varying_parameters(rows);
-    let parameters: String = varying.iter().map(|name| format!("<th>{}</th>", escaped(name))).collect();
-    let mut text = format!(
-        "<table><tr><th>scenario</th>{parameters}<th>method</th><th>trials</th><th>success</th><th>95 % interval</th>\
-         <th></th><th>median e</th><th>median rotation, deg</th><th>median translation</th><th>wrong but good</th>\
-         <th>median ms</th></tr>\n"
-    );
-    for row in rows {
-        let mut cells = vec![escaped(&row.scenario)];
-        cells.extend(varying.iter().map(|name| escaped(&show(row.parameters.get(name)))));
-        let fixed = |value: Option<f64>, digits| value.map_or_else(|| "-".to_string(), |v| format!("{v:.digits$}"));
-        let percent = |fraction: f64| format!("{:.1}", 100.0 * fraction);
-        cells.extend([
-            escaped(&row.method),
-            row.trials.to_string(),
-            row.success_rate.map_or_else(|| "-".to_string(), |rate| format!("{} %", percent(rate))),
-            format!("{} .. {}", percent(row.wilson95[0]), percent(row.wilson95[1])),
-            bar(row),
-            fixed(row.median_error, 5),
-            fixed(row.median_rotation_deg, 4),
-            fixed(row.median_translation, 5),
-            row.wrong_but_good.to_string(),
-            fixed(row.median_seconds.map(|s| 1e3 * s), 1),
-        ]);
-        let cells: String = cells.iter().map(|cell| format!("<td>{cell}</td>")).collect();
-        let _ = writeln!(text, "<tr>{cells}</tr>");
-    }
-    text + "</table>\n"
-}
-
-/// Draw a rate and its interval.
-fn bar(row: &SummaryRow) -> String {
-    let Some(rate) = row.success_rate else { return String::new() };
-    let [low, high] = row.wilson95.map(|x| 160.0 * x);
-    format!(
-        "<svg width=\"162\" height=\"14\"><rect width=\"160\" height=\"14\" fill=\"#eee\"/>\
-         <rect width=\"{:.1}\" height=\"14\" fill=\"#8ab6d6\"/>\
-         <path d=\"M{low:.1} 7H{high:.1}M{low:.1} 3v8M{high:.1} 3v8\" stroke=\"#123\" fill=\"none\"/></svg>",
-        160.0 * rate
-    )
 }

@@ -158,7 +158,7 @@ fn dash() -> String {
 }
 
 /// Lay out a Markdown table with aligned columns.
-fn markdown(header: &[String], body: &[Vec<String>]) -> String {
+pub(crate) fn markdown(header: &[String], body: &[Vec<String>]) -> String {
     let mut widths: BTreeMap<usize, usize> = BTreeMap::new();
     for row in body.iter().map(Vec::as_slice).chain([header]) {
         for (column, text) in row.iter().enumerate() {

@@ -1,6 +1,7 @@
 //! One trial: data from its stream, every method on the same data.
 
 use std::any::Any;
+use std::collections::BTreeMap;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::AtomicBool;
 use std::time::{Duration, Instant};
@@ -13,7 +14,8 @@ use serde_json::Map;
 use crate::calibration::estimate_mahalanobis;
 use crate::config::Experiment;
 use crate::lab::Lab;
-use crate::method::Method;
+use crate::method::{Method, SCENARIO_START};
+use crate::path::{Trace, start_offset};
 use crate::plan::{Cell, PlannedTrial};
 use crate::record::{DataHashes, Record, VERSION};
 use crate::scenario::{Determined, Scenario, ScenarioError, Trial};
@@ -46,6 +48,7 @@ impl Bench<'_> {
             let mut record = self.blank(cell, planned, method);
             match &data {
                 Ok(trial) => {
+                    (record.num_source, record.num_target) = (trial.source.len(), trial.target.len());
                     record.conditions =
                         trial.conditions.iter().map(|(name, value)| (name.to_string(), json_of(value))).collect();
                     record.determined = trial.determined == Determined::Theta;
@@ -121,6 +124,11 @@ impl Bench<'_> {
             iterations: 0,
             starts: 0,
             timed_out: false,
+            num_source: 0,
+            num_target: 0,
+            unknowns: 0,
+            start_offset: BTreeMap::new(),
+            trace: Vec::new(),
             message: None,
             isa: self.execution.isa.name().to_string(),
             seconds: 0.0,
@@ -141,11 +149,14 @@ impl Bench<'_> {
     ) {
         let solved = self.prepare(scenario, trial, planned, method).and_then(|estimator| {
             let deadline = self.experiment.deadline_secs.map(Duration::from_secs_f64);
-            let estimate = estimator.solve(Supervision { cancel: self.cancel, deadline, observer: None })?;
+            let mut trace = Trace::default();
+            let estimate =
+                estimator.solve(Supervision { cancel: self.cancel, deadline, observer: Some(&mut trace) })?;
+            record.trace = trace.costs();
             Ok((estimator, estimate))
         });
         match solved {
-            Ok((estimator, estimate)) => self.score(scenario, trial, &estimator, &estimate, record),
+            Ok((estimator, estimate)) => self.score(scenario, trial, method, &estimator, &estimate, record),
             Err(problem) => record.message = Some(problem.to_string()),
         }
     }
@@ -154,6 +165,7 @@ impl Bench<'_> {
         &self,
         scenario: &dyn Scenario,
         trial: &Trial,
+        method: &Method,
         estimator: &Estimator,
         estimate: &Estimate,
         record: &mut Record,
@@ -171,6 +183,10 @@ impl Bench<'_> {
         }
         // The scenario's model built once already, when the experiment was read.
         let Ok(model) = self.lab.registry.model(scenario.model(), &BuildContext::default()) else { return };
+        record.unknowns = model.layout.manifold().tangent();
+        if method.start == SCENARIO_START {
+            record.start_offset = start_offset(&model.layout, trial);
+        }
         record.theta = Some(model.layout.to_list(&estimate.theta, RotationForm::Vector))
             .filter(|list| list.iter().all(|v| v.is_finite()));
         let Some((error, truth)) = nearest_truth(scenario, &model.layout, &estimate.theta, trial) else { return };

@@ -10,8 +10,16 @@ mod source;
 use source::{Tree, module, tokens};
 
 /// Tables whose entries are one file each.
-const TABLES: [&[&str]; 6] =
-    [&["models"], &["families"], &["start"], &["statistics", "weighting"], &["scenarios"], &["objectives"]];
+const TABLES: [&[&str]; 8] = [
+    &["models"],
+    &["families"],
+    &["start"],
+    &["statistics", "weighting"],
+    &["scenarios"],
+    &["objectives"],
+    &["statistics", "entries"],
+    &["plots"],
+];
 
 /// Rooms of `cfpose`, at most.
 const MAX_ROOMS: usize = 16;

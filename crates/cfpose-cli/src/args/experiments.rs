@@ -86,3 +86,23 @@ pub struct FolderArgs {
     #[arg(long, value_name = "FILE|-")]
     pub json: Option<PathBuf>,
 }
+
+/// Arguments of `report`.
+#[derive(Debug, Args)]
+pub struct ReportArgs {
+    /// Folder that `run` wrote, or a folder of such folders
+    #[arg(value_name = "DIR")]
+    pub folder: PathBuf,
+    /// Write every plot as an SVG file into a folder
+    #[arg(long, value_name = "DIR")]
+    pub svg: Option<PathBuf>,
+    /// Write every table of statistics as a LaTeX file into a folder
+    #[arg(long, value_name = "DIR")]
+    pub latex: Option<PathBuf>,
+    /// Put the tables into a page in Markdown: over the section with the folder's name, else at its end
+    #[arg(long, value_name = "FILE.md")]
+    pub docs: Option<PathBuf>,
+    /// Write JSON to a file, or to standard output for -
+    #[arg(long, value_name = "FILE|-")]
+    pub json: Option<PathBuf>,
+}
