@@ -45,11 +45,15 @@ pub struct Record {
     pub rotation_deg: Option<f64>,
     /// Norm of the difference of translations.
     pub translation: Option<f64>,
-    /// e = sqrt(angle^2 + translation^2), angle in radians.
+    /// e = sqrt(angle^2 + translation^2), angle in radians; the first metric of a scenario without a pose.
     pub error: Option<f64>,
     /// angle + translation, angle in radians.
     pub e_sum: Option<f64>,
-    /// Estimate as a list (rotation vector, translation).
+    /// The scenario's metrics that are not those of a pose, by name ([`crate::metric::Metric`]); a scenario without a pose has its
+    /// first one, where less is better, in `error` too.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty", default)]
+    pub metrics: BTreeMap<String, f64>,
+    /// Estimate as a list (rotation vector, translation); ambient for a least-squares problem.
     pub theta: Option<Vec<f64>>,
     /// Status of the best solve.
     pub status: String,
@@ -120,6 +124,16 @@ impl Record {
     /// Say whether the verdict is `good` where it must not be: the estimate is no success, or the data do not determine theta.
     pub fn is_wrong_but_good(&self) -> bool {
         self.verdict.as_deref() == Some("good") && !(self.success && self.determined)
+    }
+
+    /// Return the value of a metric by name, those of a pose included.
+    pub fn metric(&self, name: &str) -> Option<f64> {
+        match name {
+            "rotation_deg" => self.rotation_deg,
+            "translation" => self.translation,
+            "error" => self.error,
+            _ => self.metrics.get(name).copied(),
+        }
     }
 
     /// Say whether two records agree in everything but the time.

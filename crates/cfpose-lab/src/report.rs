@@ -1,5 +1,6 @@
 //! Files made from records: CSV tables and a self-contained page.
 
+use std::collections::BTreeSet;
 use std::fmt::Write;
 
 use serde_json::Value;
@@ -16,9 +17,11 @@ pub fn results_csv(records: &[Record]) -> String {
         names.extend(record.parameters.keys().filter(|key| !names.contains(key)).collect::<Vec<_>>());
     }
     let parameters: String = names.iter().map(|name| format!("{},", quoted(name))).collect();
+    let metrics: BTreeSet<&String> = records.iter().flat_map(|record| record.metrics.keys()).collect();
+    let own: String = metrics.iter().map(|name| format!(",{}", quoted(name))).collect();
     let mut text = format!(
         "scenario,{parameters}method,repetition,key,success,success_sum,rotation_deg,translation,error,e_sum,\
-         status,usable,verdict,noise_sigma,j_statistic,degrees_of_freedom,p_value,mahalanobis,cost,evaluations,iterations,starts,timed_out,isa\n"
+         status,usable,verdict,noise_sigma,j_statistic,degrees_of_freedom,p_value,mahalanobis,cost,evaluations,iterations,starts,timed_out,isa{own}\n"
     );
     for record in records {
         let mut cells = vec![record.scenario.clone()];
@@ -47,6 +50,7 @@ pub fn results_csv(records: &[Record]) -> String {
             record.timed_out.to_string(),
             record.isa.clone(),
         ]);
+        cells.extend(metrics.iter().map(|name| number(record.metrics.get(*name).copied())));
         push_row(&mut text, &cells);
     }
     text

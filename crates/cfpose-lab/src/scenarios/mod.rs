@@ -1,5 +1,6 @@
 //! The scenario table: a new scenario is one file and one line here.
 
+mod any_model;
 mod cloud3;
 mod hunt_planar;
 mod hunt_space;
@@ -10,5 +11,11 @@ pub use crate::curves;
 use crate::scenario::ScenarioEntry;
 
 /// All scenarios of the laboratory.
-pub const ALL: &[&ScenarioEntry] =
-    &[&planar_curve::ENTRY, &cloud3::ENTRY, &hunt_planar::ENTRY, &hunt_space::ENTRY, &rendered_pattern::ENTRY];
+pub const ALL: &[&ScenarioEntry] = &[
+    &planar_curve::ENTRY,
+    &cloud3::ENTRY,
+    &any_model::ENTRY,
+    &hunt_planar::ENTRY,
+    &hunt_space::ENTRY,
+    &rendered_pattern::ENTRY,
+];
