@@ -4,6 +4,7 @@ mod any_model;
 mod cloud3;
 mod hunt_planar;
 mod hunt_space;
+mod least_squares;
 mod planar_curve;
 mod rendered_pattern;
 
@@ -15,6 +16,7 @@ pub const ALL: &[&ScenarioEntry] = &[
     &planar_curve::ENTRY,
     &cloud3::ENTRY,
     &any_model::ENTRY,
+    &least_squares::ENTRY,
     &hunt_planar::ENTRY,
     &hunt_space::ENTRY,
     &rendered_pattern::ENTRY,
