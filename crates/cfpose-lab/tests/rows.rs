@@ -3,7 +3,7 @@
 use std::fs;
 use std::path::Path;
 
-use cfpose_lab::{Experiment, Lab, RunOptions, Rows, export, run, status};
+use cfpose_lab::{Experiment, Lab, Rows, RunOptions, export, run, status};
 use serde_json::{Value, json};
 
 const TEXT: &str = "trials = 3\n[[scenario]]\nname = \"any-model\"\nmodel = \"rigid3\"\npoints = 50\nstart = 0.05\n\
@@ -39,7 +39,8 @@ fn rows_of_other_programs_are_measured_like_our_own() {
         json!({ "key": trials[2]["key"], "method": "theirs", "theta": null, "usable": false, "message": "no pose" }),
     ];
     let file = folder.path().join("rows.jsonl");
-    let write = |rows: &[Value]| fs::write(&file, rows.iter().map(|row| format!("{row}\n")).collect::<String>()).unwrap();
+    let write =
+        |rows: &[Value]| fs::write(&file, rows.iter().map(|row| format!("{row}\n")).collect::<String>()).unwrap();
     write(&rows);
 
     // Without rows our own method runs, and nothing of it counts as missing.
@@ -48,12 +49,16 @@ fn rows_of_other_programs_are_measured_like_our_own() {
     assert_eq!((report.computed, report.missing, report.records, report.expected), (3, 0, 3, 6));
     assert!(report.merged.is_none() && !report.cancelled);
     let loaded = Rows::load(&file, &experiment).unwrap();
-    let report = run(&lab, &experiment, &RunOptions { rows: Some(&loaded), resume: true, ..RunOptions::new(&out) }).unwrap();
+    let report =
+        run(&lab, &experiment, &RunOptions { rows: Some(&loaded), resume: true, ..RunOptions::new(&out) }).unwrap();
     assert_eq!((report.computed, report.resumed, report.missing), (3, 3, 0));
     let summary = report.merged.unwrap().rows;
     assert_eq!((summary[0].successes, summary[1].successes, summary[1].wrong_but_good), (3, 1, 1));
     let first = summary[1].metrics.iter().find(|metric| metric.name == "transfer").unwrap();
-    assert!(first.median.is_some_and(|median| median > 0.1), "one right, one wrong, one without: the wrong one is the median");
+    assert!(
+        first.median.is_some_and(|median| median > 0.1),
+        "one right, one wrong, one without: the wrong one is the median"
+    );
     let records = cfpose_lab::folder::read_records(&out.join("trials.jsonl")).unwrap();
     let theirs: Vec<_> = records.iter().map(|(_, record)| record).filter(|record| record.method == "theirs").collect();
     assert!(theirs[0].success && theirs[0].seconds == 1.5 && theirs[0].error.unwrap() < 1e-9);

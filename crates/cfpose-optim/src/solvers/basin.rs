@@ -63,7 +63,27 @@ impl Basin {
         matches!(self.method, BasinMethod::Bobyqa | BasinMethod::CmaEs)
     }
 
+    /// Run one round and say what it means for the solve.
     fn round(self, frame: &Frame<'_, '_, '_>, index: usize) -> Round {
+        let before = frame.base_cost();
+        self.minimise(frame, index);
+        if index == 0 {
+            // The second round confirms the end of the first.
+            return if self.searches() { Round::Wide } else { Round::Decisive };
+        }
+        // At a bound the gradient need not vanish, so that a round without gain is all that tells.
+        let gain = (before - frame.best_cost()) / before;
+        match frame.stopping().cost_tolerance {
+            Some(limit) if frame.bounds().is_some() && gain <= limit => {
+                let message = format!("a restarted round within the bounds lowers the cost by {gain:.3e} relative");
+                Round::Over(End::new(Status::CostTolerance, message))
+            }
+            _ => Round::Decisive,
+        }
+    }
+
+    /// Minimise from the base of the frame.
+    fn minimise(self, frame: &Frame<'_, '_, '_>, index: usize) {
         let steps = if frame.is_flat_space() { 2000 } else { 40 };
         let (own, counted) = (Pace::smooth(steps, false), Pace::smooth(steps, true));
         match self.method {
@@ -111,7 +131,6 @@ impl Basin {
                 }
             }
         }
-        if self.searches() && index == 0 { Round::Wide } else { Round::Decisive }
     }
 }
 
@@ -141,7 +160,12 @@ impl Solver for Basin {
                 let message = "treats bounds on vector spaces alone, and theta is no vector";
                 return Err(End::new(Status::Unsupported, message));
             }
-            rounds(session, start, !self.searches(), |frame, index| self.round(frame, index))
+            let mut inside = start.to_vec();
+            if let Some(bounds) = problem.bounds() {
+                let limits = bounds.lower.iter().zip(&bounds.upper);
+                inside.iter_mut().zip(limits).for_each(|(x, (low, high))| *x = x.max(*low).min(*high));
+            }
+            rounds(session, &inside, !self.searches(), |frame, index| self.round(frame, index))
         })
     }
 }
