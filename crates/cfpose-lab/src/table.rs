@@ -9,13 +9,20 @@ use crate::metric::POSE;
 use crate::summary::{Calibration, SummaryRow};
 use crate::value::canonical;
 
-/// Return the parameters that differ between rows, in their order: the columns worth printing.
+/// Return the parameters that differ between rows of one scenario, in their order: the columns worth printing.
 pub fn varying_parameters(rows: &[SummaryRow]) -> Vec<String> {
     let mut names: Vec<String> = Vec::new();
     for row in rows {
         names.extend(row.parameters.keys().filter(|key| !names.contains(key)).cloned().collect::<Vec<_>>());
     }
-    names.retain(|name| rows.iter().any(|row| row.parameters.get(name) != rows[0].parameters.get(name)));
+    let mut first: BTreeMap<&str, &SummaryRow> = BTreeMap::new();
+    for row in rows {
+        first.entry(&row.scenario).or_insert(row);
+    }
+    let differs = |name: &str, row: &SummaryRow| {
+        first.get(row.scenario.as_str()).is_some_and(|other| row.parameters.get(name) != other.parameters.get(name))
+    };
+    names.retain(|name| rows.iter().any(|row| differs(name, row)));
     names
 }
 
