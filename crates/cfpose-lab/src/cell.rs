@@ -30,14 +30,14 @@ impl Cell {
         self.parameters.iter().find(|(k, _)| k == key).map(|(_, value)| value.as_str())
     }
 
-    /// Build the scenario.
+    /// Build the scenario. Its parameters hand down the registry, so that scenarios find models by name.
     ///
     /// # Errors
     /// [`EntryError`] for an unknown name or a bad value.
     pub fn build(&self, lab: &Lab) -> Result<Box<dyn Scenario>, EntryError> {
         let (entry, _) = find("scenario", &lab.scenarios, &self.scenario)?;
         let parameters = Parameters::resolve("scenario", entry.name, entry.parameters, &self.parameters)?;
-        (entry.build)(&parameters)
+        (entry.build)(&parameters.with_table(lab.registry.clone()))
     }
 
     /// Return the keys of all trials of the cell, by repetition.

@@ -11,6 +11,7 @@ use crate::error::LabError;
 use crate::folder;
 use crate::lab::Lab;
 use crate::method::{DEFAULT_PRESET, Method, SCENARIO_START};
+use crate::scenario::problems::NO_MODEL;
 use crate::seed::fnv1a;
 use crate::value::{canonical, text_of, toml_of};
 
@@ -88,7 +89,11 @@ const METHOD_KEYS: &[&str] = &[
     "start",
     "max_evaluations",
     "max_iterations",
+    "external",
 ];
+
+/// Keys of a method that may hold a list: one method for each value.
+const METHOD_AXES: &[&str] = &["preset", "features", "weighting", "solver"];
 
 /// Largest number of cells: beyond it a grid is a mistake.
 const MAX_CELLS: usize = 1_000_000;
@@ -230,6 +235,29 @@ impl Published {
     }
 }
 
+/// Return one method for each combination of the lists in a method's table, named `NAME: value, value`.
+fn expanded(table: &Table) -> Vec<Table> {
+    let mut all = vec![table.clone()];
+    for key in METHOD_AXES {
+        let Some(Value::Array(values)) = table.get(*key) else { continue };
+        let with = |method: &Table, first: bool, value: &Value| {
+            let mut method = method.clone();
+            let name = method.get("name").and_then(Value::as_str).unwrap_or_default();
+            let joint = if first { ": " } else { ", " };
+            let name = format!("{name}{joint}{}", value.as_str().map_or_else(|| value.to_string(), str::to_string));
+            method.insert("name".to_string(), Value::String(name));
+            method.insert((*key).to_string(), value.clone());
+            method
+        };
+        let first = !METHOD_AXES
+            .iter()
+            .take_while(|other| *other != key)
+            .any(|k| matches!(table.get(*k), Some(Value::Array(_))));
+        all = all.iter().flat_map(|method| values.iter().map(move |value| with(method, first, value))).collect();
+    }
+    all
+}
+
 /// Reads the parts of an experiment file and says where a mistake stands.
 struct Reader<'a> {
     lab: &'a Lab,
@@ -270,6 +298,14 @@ impl Reader<'_> {
             None => Ok(None),
             Some(Value::String(text)) => Ok(Some(text.clone())),
             Some(other) => Err(self.value_error(place, format!("`{key}` = {other}: expected a text in quotes"))),
+        }
+    }
+
+    fn flag(&self, place: &str, table: &Table, key: &str) -> Result<bool, LabError> {
+        match table.get(key) {
+            None => Ok(false),
+            Some(Value::Boolean(value)) => Ok(*value),
+            Some(other) => Err(self.value_error(place, format!("`{key}` = {other}: expected true or false"))),
         }
     }
 
@@ -348,12 +384,16 @@ impl Reader<'_> {
 
     fn methods(&self, table: &Table) -> Result<Vec<Method>, LabError> {
         let mut methods: Vec<Method> = Vec::new();
+        let mut single: Vec<(String, Table)> = Vec::new();
         for (place, table) in self.tables(table, "method")? {
             self.known_keys(&place, table, METHOD_KEYS)?;
-            let text = |key| self.text(&place, table, key);
+            single.extend(expanded(table).into_iter().map(|table| (place.clone(), table)));
+        }
+        for (place, table) in &single {
+            let text = |key| self.text(place, table, key);
             let preset = text("preset")?.unwrap_or_else(|| DEFAULT_PRESET.to_string());
             let method = Method {
-                name: text("name")?.ok_or_else(|| self.value_error(&place, "the method has no `name`".to_string()))?,
+                name: text("name")?.ok_or_else(|| self.value_error(place, "the method has no `name`".to_string()))?,
                 preset,
                 model: text("model")?,
                 features: text("features")?,
@@ -361,14 +401,15 @@ impl Reader<'_> {
                 weighting: text("weighting")?,
                 solver: text("solver")?,
                 start: text("start")?.unwrap_or_else(|| SCENARIO_START.to_string()),
-                max_evaluations: self.count(&place, table, "max_evaluations", 1)?,
-                max_iterations: self.count(&place, table, "max_iterations", 1)?,
+                max_evaluations: self.count(place, table, "max_evaluations", 1)?,
+                max_iterations: self.count(place, table, "max_iterations", 1)?,
+                external: self.flag(place, table, "external")?,
             };
             if method.name.trim().is_empty() {
-                return Err(self.value_error(&place, "`name` is empty; results are told apart by it".to_string()));
+                return Err(self.value_error(place, "`name` is empty; results are told apart by it".to_string()));
             }
             if methods.iter().any(|other| other.name == method.name) {
-                return Err(self.value_error(&place, format!("the name `{}` is used twice", method.name)));
+                return Err(self.value_error(place, format!("the name `{}` is used twice", method.name)));
             }
             methods.push(method);
         }
@@ -411,9 +452,13 @@ impl Reader<'_> {
                 models.push(scenario.model().to_string());
             }
         }
-        for method in &experiment.methods {
+        for method in experiment.methods.iter().filter(|method| !method.external) {
             for model in &models {
-                method.check(&self.lab.registry, model).map_err(|problem| LabError::Estimator {
+                let checked = match model.as_str() {
+                    NO_MODEL => method.check_solver(&self.lab.registry),
+                    model => method.check(&self.lab.registry, model).map(|_| ()),
+                };
+                checked.map_err(|problem| LabError::Estimator {
                     file: self.file.to_string(),
                     place: format!("method `{}`", method.name),
                     problem: Box::new(problem),

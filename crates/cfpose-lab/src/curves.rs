@@ -15,7 +15,10 @@ pub const NUM_POINTS: usize = 3142;
 pub const STEP: f64 = 0.002;
 
 /// A function of the curve parameter t.
-pub type Curve = Box<dyn Fn(f64) -> [f64; 2]>;
+pub type Curve = Box<dyn Fn(f64) -> [f64; 2] + Send + Sync>;
+
+/// A curve at its place and size.
+pub type PlacedCurve = Box<dyn Fn(f64) -> [f64; 2] + Send + Sync>;
 
 /// One line of the curve table.
 pub struct CurveEntry {
@@ -60,22 +63,27 @@ pub const ALL: &[&CurveEntry] = &[&HEART, &FLOWER, &BUTTERFLY, &BLOB, &FISH, &FO
 /// assert!(heart.len() == 3142 && (largest - 0.45).abs() < 1e-15);
 /// ```
 pub fn points(spec: &str, scale: f64) -> Result<Vec<[f64; 2]>, EntryError> {
+    let placed = placed(spec, scale)?;
+    Ok((0..NUM_POINTS).map(|k| placed(k as f64 * STEP)).collect())
+}
+
+/// Return the curve of [`points`] as a function of t, 0 to 2 pi.
+///
+/// # Errors
+/// As [`points`].
+pub fn placed(spec: &str, scale: f64) -> Result<PlacedCurve, EntryError> {
     let (entry, parameters) = find("curve", ALL, spec)?;
     let curve = (entry.build)(&parameters)?;
     let raw: Vec<[f64; 2]> = (0..NUM_POINTS).map(|k| curve(k as f64 * STEP)).collect();
-    Ok(fit(&raw, scale))
-}
-
-/// Centre by the bounding box and scale the largest absolute coordinate to `scale`.
-fn fit(raw: &[[f64; 2]], scale: f64) -> Vec<[f64; 2]> {
+    // Centred by the bounding box of these points; their largest absolute coordinate becomes `scale`.
     let centre = [0, 1].map(|d| {
         let (low, high) =
             raw.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), p| (low.min(p[d]), high.max(p[d])));
         0.5 * (low + high)
     });
-    let centred: Vec<[f64; 2]> = raw.iter().map(|p| [p[0] - centre[0], p[1] - centre[1]]).collect();
-    let largest = centred.iter().flatten().fold(0.0_f64, |a, b| a.max(b.abs()));
-    centred.iter().map(|p| p.map(|x| x * scale / largest)).collect()
+    let centred = move |p: [f64; 2]| [p[0] - centre[0], p[1] - centre[1]];
+    let largest = raw.iter().flat_map(|p| centred(*p)).fold(0.0_f64, |a, b| a.max(b.abs()));
+    Ok(Box::new(move |t| centred(curve(t)).map(|x| x * scale / largest)))
 }
 
 /// Return the point at radius r and angle t.

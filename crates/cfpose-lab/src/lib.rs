@@ -4,7 +4,7 @@
 //! ([`config::Experiment`]). [`run::run`] computes its trials into a folder, [`merge::merge`] turns the records of one or
 //! many shards into tables, [`merge::status`] counts what is there.
 //!
-//! * [`scenario`]: what an author of a scenario writes; [`scenarios`]: the table.
+//! * [`scenario`]: what an author of a scenario writes, [`metric`]: what it measures; [`scenarios`]: the table.
 //! * [`seed`]: why growing a grid changes no old trial.
 //! * [`statistics`], [`calibration`], [`summary`], [`table`], [`report`], [`plot`]: what comes out;
 //!   [`group`], [`plots`], [`figure`]: which trials are compared, and how that is drawn.
@@ -25,6 +25,7 @@ pub mod growth;
 pub mod lab;
 pub mod merge;
 pub mod method;
+pub mod metric;
 pub mod paired;
 mod path;
 pub mod plan;
@@ -33,6 +34,7 @@ pub mod plots;
 pub mod record;
 pub mod rendered;
 pub mod report;
+pub mod rows;
 pub mod run;
 mod sampling;
 pub mod scenario;
@@ -55,12 +57,14 @@ pub use error::LabError;
 pub use lab::Lab;
 pub use merge::{FolderStatus, Merged, merge, status};
 pub use method::Method;
+pub use metric::{Metric, Score};
 pub use plan::{Cell, Plan, Shard};
 pub use record::Record;
-pub use run::{Progress, Replay, RunOptions, RunReport, replay, run};
-pub use scenario::{Determined, Scenario, ScenarioEntry, ScenarioError, Success, Trial};
+pub use rows::Rows;
+pub use run::{Exported, Progress, Replay, RunOptions, RunReport, export, replay, run};
+pub use scenario::{Determined, Scenario, ScenarioEntry, ScenarioError, Success, Trial, problems};
 pub use summary::{SummaryRow, summarise};
-pub use trial::nearest_truth;
+pub use trial::{nearest_score, nearest_truth};
 
 #[cfg(doctest)]
 #[doc = include_str!("../../../docs/adding/scenario.md")]

@@ -1,6 +1,7 @@
 //! A method: a name for preset, or model + features + normaliser + weighting + solver + starts.
 
 use cfpose::{BuildContext, BuildError, Registry, Settings, Start};
+use cfpose_optim::Stopping;
 use serde::Serialize;
 
 /// Start that takes the scenario's own theta_0.
@@ -11,6 +12,9 @@ pub const PRESET_START: &str = "auto";
 
 /// Preset of a method that names none.
 pub const DEFAULT_PRESET: &str = "auto";
+
+/// Solver of a least-squares problem where the method names none.
+pub const DEFAULT_SOLVER: &str = "levenberg-marquardt";
 
 /// One `[[method]]` of an experiment; everything that is not given comes from the preset.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -43,6 +47,13 @@ pub struct Method {
     /// Limit on iterations of each solve.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub max_iterations: Option<usize>,
+    /// Whether another program computes it: `run` leaves it out, and its rows are imported ([`crate::rows`]).
+    #[serde(skip_serializing_if = "is_false")]
+    pub external: bool,
+}
+
+fn is_false(value: &bool) -> bool {
+    !*value
 }
 
 impl Method {
@@ -59,6 +70,7 @@ impl Method {
             start: SCENARIO_START.to_string(),
             max_evaluations: None,
             max_iterations: None,
+            external: false,
         }
     }
 
@@ -80,13 +92,32 @@ impl Method {
             (name, _) => settings.start = Some(Start::Named(name.to_string())),
         }
         settings.seed = seed;
+        self.limit(&mut settings.stopping);
+        Ok(settings)
+    }
+
+    /// Write the method's budgets into stopping rules.
+    pub(crate) fn limit(&self, stopping: &mut Stopping) {
         if let Some(budget) = self.max_evaluations {
-            settings.stopping.max_evaluations = budget;
+            stopping.max_evaluations = budget;
         }
         if let Some(limit) = self.max_iterations {
-            settings.stopping.max_iterations = limit;
+            stopping.max_iterations = limit;
         }
-        Ok(settings)
+    }
+
+    /// Return the solver for a least-squares problem.
+    pub(crate) fn solver_alone(&self) -> &str {
+        self.solver.as_deref().unwrap_or(DEFAULT_SOLVER)
+    }
+
+    /// Check what a least-squares problem uses of the method: the preset's name and the solver.
+    ///
+    /// # Errors
+    /// [`cfpose::Error`] for an unknown name or a bad parameter.
+    pub fn check_solver(&self, registry: &Registry) -> Result<(), cfpose::Error> {
+        Settings::preset(&self.preset, "")?;
+        registry.solver(self.solver_alone()).map(|_| ())
     }
 
     /// Check every name and parameter of the method against the registry, for a scenario's model.

@@ -4,6 +4,7 @@ pub use crate::cell::Cell;
 use crate::config::Experiment;
 use crate::error::LabError;
 use crate::lab::Lab;
+use crate::metric::Metric;
 pub use crate::shard::Shard;
 
 /// One trial of the plan: its data are computed once, for all methods.
@@ -29,6 +30,8 @@ pub struct Plan {
     pub methods: Vec<String>,
     /// Trials, cell by cell.
     pub trials: Vec<PlannedTrial>,
+    /// The metrics of every cell's scenario.
+    pub metrics: Vec<Vec<Metric>>,
 }
 
 impl Plan {
@@ -47,7 +50,10 @@ impl Plan {
             let keys = cell.keys(lab).into_iter().enumerate();
             trials.extend(keys.map(|(repetition, key)| PlannedTrial { cell: index, repetition, key }));
         }
-        Ok(Self { cells, methods: experiment.methods.iter().map(|method| method.name.clone()).collect(), trials })
+        // A scenario that cannot be built was refused when the experiment was read.
+        let metrics = cells.iter().map(|cell| cell.build(lab).map_or_else(|_| Vec::new(), |s| s.metrics().to_vec()));
+        let (metrics, methods) = (metrics.collect(), experiment.methods.iter().map(|m| m.name.clone()).collect());
+        Ok(Self { cells, methods, trials, metrics })
     }
 
     /// Return the number of records of a complete run: trials x methods.

@@ -45,11 +45,15 @@ pub struct Record {
     pub rotation_deg: Option<f64>,
     /// Norm of the difference of translations.
     pub translation: Option<f64>,
-    /// e = sqrt(angle^2 + translation^2), angle in radians.
+    /// e = sqrt(angle^2 + translation^2), angle in radians; the first metric of a scenario without a pose.
     pub error: Option<f64>,
     /// angle + translation, angle in radians.
     pub e_sum: Option<f64>,
-    /// Estimate as a list (rotation vector, translation).
+    /// The scenario's metrics that are not those of a pose, by name ([`crate::metric::Metric`]); a scenario without a pose has its
+    /// first one, where less is better, in `error` too.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty", default)]
+    pub metrics: BTreeMap<String, f64>,
+    /// Estimate as a list (rotation vector, translation); ambient for a least-squares problem.
     pub theta: Option<Vec<f64>>,
     /// Status of the best solve.
     pub status: String,
@@ -153,6 +157,16 @@ impl Record {
     /// Return the number of unknowns: free tangent directions, or the length of theta in records that do not say.
     pub fn num_unknowns(&self) -> usize {
         if self.unknowns > 0 { self.unknowns } else { self.theta.as_ref().map_or(0, Vec::len) }
+    }
+
+    /// Return the value of a metric by name, those of a pose included.
+    pub fn metric(&self, name: &str) -> Option<f64> {
+        match name {
+            "rotation_deg" => self.rotation_deg,
+            "translation" => self.translation,
+            "error" => self.error,
+            _ => self.metrics.get(name).copied(),
+        }
     }
 
     /// Say whether two records agree in everything but the time.

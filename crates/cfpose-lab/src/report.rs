@@ -7,6 +7,7 @@ pub mod latex;
 mod summary;
 
 use std::borrow::Cow;
+use std::collections::BTreeSet;
 
 use rayon::prelude::*;
 use serde_json::{Value, json};
@@ -67,9 +68,11 @@ pub fn results_csv(records: &[Record]) -> String {
         names.extend(record.parameters.keys().filter(|key| !names.contains(key)).collect::<Vec<_>>());
     }
     let parameters: String = names.iter().map(|name| format!("{},", quoted(name))).collect();
+    let metrics: BTreeSet<&String> = records.iter().flat_map(|record| record.metrics.keys()).collect();
+    let own: String = metrics.iter().map(|name| format!(",{}", quoted(name))).collect();
     let mut text = format!(
         "scenario,{parameters}method,repetition,key,success,success_sum,rotation_deg,translation,error,e_sum,\
-         status,usable,verdict,noise_sigma,j_statistic,degrees_of_freedom,p_value,mahalanobis,cost,evaluations,iterations,starts,timed_out,isa\n"
+         status,usable,verdict,noise_sigma,j_statistic,degrees_of_freedom,p_value,mahalanobis,cost,evaluations,iterations,starts,timed_out,isa{own}\n"
     );
     for record in records {
         let mut cells = vec![record.scenario.clone()];
@@ -98,6 +101,7 @@ pub fn results_csv(records: &[Record]) -> String {
             record.timed_out.to_string(),
             record.isa.clone(),
         ]);
+        cells.extend(metrics.iter().map(|name| number(record.metrics.get(*name).copied())));
         push_row(&mut text, &cells);
     }
     text

@@ -1,6 +1,7 @@
 //! Computing an experiment: trials over threads, records into a folder.
 
 mod desk;
+mod export;
 mod replay;
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -20,9 +21,11 @@ use crate::merge::{Merged, collect, write_tables};
 use crate::method::Method;
 use crate::plan::{Cell, Plan, PlannedTrial, Shard};
 use crate::record::Record;
+use crate::rows::Rows;
 use crate::scenario::{Scenario, ScenarioError};
-use crate::trial::Bench;
+use crate::trial::{Bench, Drawn};
 use desk::{Claim, Desk};
+pub use export::{Exported, export};
 pub use replay::{Replay, replay};
 
 /// How far a run is.
@@ -52,6 +55,8 @@ pub struct RunOptions<'a> {
     pub isa: Isa,
     /// Flag that another thread may raise to stop; records that are done stay.
     pub cancel: Option<&'a AtomicBool>,
+    /// What other programs found, for the methods that are external.
+    pub rows: Option<&'a Rows>,
     /// Called after every trial, one call at a time.
     pub progress: Option<&'a (dyn Fn(Progress) + Sync)>,
 }
@@ -66,6 +71,7 @@ impl RunOptions<'_> {
             threads: 1,
             isa: Isa::detect(),
             cancel: None,
+            rows: None,
             progress: None,
         }
     }
@@ -127,12 +133,13 @@ pub fn run(lab: &Lab, experiment: &Experiment, options: &RunOptions<'_>) -> Resu
         execution: Execution { isa: options.isa, pool: None },
         cancel: options.cancel,
         data: &data,
+        rows: options.rows,
     };
-    probe(&bench, &plan, &scenarios, &jobs(experiment, &trials, &done))?;
+    probe(&bench, &plan, &scenarios, &jobs(experiment, &trials, &done, options.rows))?;
     let Claim { appender, lock, done } = desk.claim(&data)?;
-    let jobs = jobs(experiment, &trials, &done);
+    let jobs = jobs(experiment, &trials, &done, options.rows);
     let missing: usize = jobs.iter().map(|job| job.methods.len()).sum();
-    let total = trials.len() * plan.methods.len();
+    let total = missing + done.len();
     let work = Work {
         bench: &bench,
         plan: &plan,
@@ -164,7 +171,7 @@ pub fn run(lab: &Lab, experiment: &Experiment, options: &RunOptions<'_>) -> Resu
     sort_file(&options.out.join(trials_name(options.shard)), &there.records)?;
     lock.release();
     let found: BTreeSet<(String, String)> = there.records.iter().map(Record::identity).collect();
-    let mine = self::jobs(experiment, &trials, &found);
+    let mine = self::jobs(experiment, &trials, &found, options.rows);
     let (records, expected) = (there.records.len(), there.plan.num_records());
     let cancelled = state.progress.done < total;
     Ok(RunReport {
@@ -184,10 +191,19 @@ struct Job<'a> {
     methods: Vec<&'a Method>,
 }
 
-fn jobs<'a>(experiment: &'a Experiment, trials: &[PlannedTrial], done: &BTreeSet<(String, String)>) -> Vec<Job<'a>> {
+/// Return what is to do; of an external method only what there are rows for.
+fn jobs<'a>(
+    experiment: &'a Experiment,
+    trials: &[PlannedTrial],
+    done: &BTreeSet<(String, String)>,
+    rows: Option<&Rows>,
+) -> Vec<Job<'a>> {
     let missing = |trial: &PlannedTrial| {
         let key = format!("{:016x}", trial.key);
-        let methods = experiment.methods.iter().filter(|method| !done.contains(&(key.clone(), method.name.clone())));
+        let here =
+            |method: &&Method| !method.external || rows.is_some_and(|rows| rows.get(&key, &method.name).is_some());
+        let methods = experiment.methods.iter().filter(here);
+        let methods = methods.filter(|method| !done.contains(&(key.clone(), method.name.clone())));
         Job { trial: *trial, methods: methods.collect() }
     };
     trials.iter().map(missing).filter(|job| !job.methods.is_empty()).collect()
@@ -219,7 +235,7 @@ fn probe(bench: &Bench<'_>, plan: &Plan, scenarios: &[Box<dyn Scenario>], jobs: 
     let mut seen: BTreeSet<(usize, &str)> = BTreeSet::new();
     for job in jobs {
         let new: Vec<&Method> =
-            job.methods.iter().copied().filter(|method| seen.insert((job.trial.cell, &method.name))).collect();
+            job.methods.iter().copied().filter(|m| !m.external && seen.insert((job.trial.cell, &m.name))).collect();
         if new.is_empty() {
             continue;
         }
@@ -229,6 +245,8 @@ fn probe(bench: &Bench<'_>, plan: &Plan, scenarios: &[Box<dyn Scenario>], jobs: 
             Err(ScenarioError::Points { .. }) => continue,
             Err(problem) => return Err(scenario_error(cell, problem)),
         };
+        // What a solver cannot treat is a status of its record.
+        let Drawn::Points(trial) = trial else { continue };
         for method in new {
             let prepared = bench.prepare(scenarios[job.trial.cell].as_ref(), &trial, &job.trial, method);
             // A start strategy that does not apply is an error before the run too.

@@ -7,6 +7,12 @@ use cfpose::theta::Layout;
 use cfpose::{Points, PointsError, Pose, PoseError, Side};
 use rand_chacha::ChaCha12Rng;
 
+use crate::metric::{self, Metric, Score};
+
+pub mod problems;
+
+use problems::Problems;
+
 /// Data of one trial and the truth about them.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Trial {
@@ -67,12 +73,15 @@ pub enum Success {
         /// Largest norm of the difference of translations.
         translation: f64,
     },
+    /// The first metric of the scenario is at least as good as this: at most where less is better, else at least.
+    Metric(f64),
 }
 
 impl Success {
-    /// Say whether an error is a success.
+    /// Say whether the error of a pose is a success; it is none where the rule is about another metric.
     pub fn holds(self, error: &PoseError) -> bool {
         match self {
+            Success::Metric(_) => false,
             Success::Error(threshold) => error.total() <= threshold,
             Success::Parts { angle, translation } => error.angle <= angle && error.translation <= translation,
         }
@@ -84,7 +93,16 @@ impl Success {
     pub fn holds_for_sum(self, error: &PoseError) -> bool {
         match self {
             Success::Error(threshold) => error.angle + error.translation <= threshold,
-            Success::Parts { .. } => self.holds(error),
+            Success::Parts { .. } | Success::Metric(_) => self.holds(error),
+        }
+    }
+
+    /// Say whether a score is a success.
+    pub fn holds_for(self, score: &Score, metrics: &[Metric]) -> bool {
+        match (self, metrics.first(), score.values.first()) {
+            (Success::Metric(limit), Some(metric), Some(value)) if metric.smaller_is_better => *value <= limit,
+            (Success::Metric(limit), Some(_), Some(value)) => *value >= limit,
+            _ => score.pose.is_some_and(|error| self.holds(&error)),
         }
     }
 }
@@ -138,11 +156,33 @@ pub trait Scenario: Send + Sync {
     /// [`ScenarioError`] when the draw leaves no data.
     fn trial(&self, rng: &mut ChaCha12Rng) -> Result<Trial, ScenarioError>;
 
-    /// Compare an estimate with the truth, both ambient; `None` where the layout holds no pose in 3-D.
+    /// Compare an estimate with the truth, both ambient, as poses; `None` where the layout holds no pose in 3-D.
     fn error(&self, layout: &Layout, estimate: &[f64], truth: &[f64]) -> Option<PoseError> {
         let (estimate, truth) = (Pose::of_theta(layout, estimate)?, Pose::of_theta(layout, truth)?);
         let error = PoseError::between(&estimate, &truth);
         (error.angle.is_finite() && error.translation.is_finite()).then_some(error)
+    }
+
+    /// Return the scenario's metrics; those of a pose unless it says otherwise. The first one of a scenario without a pose is what
+    /// `error` means in its records, where less is better.
+    fn metrics(&self) -> &[Metric] {
+        metric::POSE
+    }
+
+    /// Measure an estimate against one true theta, both ambient: a value for each of [`Scenario::metrics`]; `None` where it cannot be
+    /// measured, which is no success.
+    fn score(&self, layout: &Layout, estimate: &[f64], truth: &[f64], _trial: &Trial) -> Option<Score> {
+        self.error(layout, estimate, truth).map(Score::of_pose)
+    }
+
+    /// Say whether a score is a success.
+    fn succeeds(&self, score: &Score, trial: &Trial) -> bool {
+        trial.success.holds_for(score, self.metrics())
+    }
+
+    /// Return the scenario of problems, where a trial is a least-squares problem and no pair of point sets ([`problems::OfProblems`]).
+    fn problems(&self) -> Option<&dyn Problems> {
+        None
     }
 }
 

@@ -40,7 +40,7 @@ impl Source {
     }
 
     /// Find the file, in `folder`, then in the folder of real data.
-    pub(super) fn path(&self, folder: &Path) -> Option<PathBuf> {
+    pub(crate) fn path(&self, folder: &Path) -> Option<PathBuf> {
         let Source::File(name) = self else { return None };
         [folder.join(name), data_folder().join(name)].into_iter().find(|path| path.is_file())
     }

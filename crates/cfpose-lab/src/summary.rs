@@ -6,6 +6,7 @@ use serde::Serialize;
 use serde_json::{Map, Value};
 
 use crate::calibration::mean_band;
+use crate::metric::Metric;
 use crate::plan::Plan;
 use crate::record::Record;
 use crate::statistics::{median, wilson95};
@@ -42,9 +43,33 @@ pub struct SummaryRow {
     pub successes_sum: usize,
     /// Median number of residual evaluations.
     pub median_evaluations: Option<f64>,
+    /// The scenario's metrics with their medians over all trials, in its order.
+    pub metrics: Vec<MetricRow>,
     /// Whether reported uncertainties are true.
     #[serde(flatten)]
     pub calibration: Calibration,
+}
+
+/// One metric of a row.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct MetricRow {
+    /// Name.
+    pub name: &'static str,
+    /// Unit.
+    pub unit: &'static str,
+    /// Whether a smaller value is a better one.
+    pub smaller_is_better: bool,
+    /// Median; a trial without a value counts as infinitely bad (null when the median is).
+    pub median: Option<f64>,
+}
+
+impl MetricRow {
+    fn of(metric: &Metric, records: &[&Record]) -> Self {
+        let Metric { name, unit, smaller_is_better } = *metric;
+        let worst = if smaller_is_better { f64::INFINITY } else { f64::NEG_INFINITY };
+        let values: Vec<f64> = records.iter().map(|record| record.metric(name).unwrap_or(worst)).collect();
+        Self { name, unit, smaller_is_better, median: median(&values).filter(|value| value.is_finite()) }
+    }
 }
 
 /// A J statistic with a smaller probability is an alarm.
@@ -116,13 +141,20 @@ pub fn summarise(plan: &Plan, records: &[Record]) -> Vec<SummaryRow> {
         let parameters: Map<_, _> = cell.parameters.iter().map(|(key, text)| (key.clone(), json_of(text))).collect();
         for method in &plan.methods {
             let mine = groups.get(&(index, method.as_str())).map_or(&[][..], Vec::as_slice);
-            rows.push(row(&cell.scenario, &parameters, method, mine));
+            let metrics = plan.metrics[index].iter().map(|metric| MetricRow::of(metric, mine)).collect();
+            rows.push(row(&cell.scenario, &parameters, method, mine, metrics));
         }
     }
     rows
 }
 
-fn row(scenario: &str, parameters: &Map<String, Value>, method: &str, records: &[&Record]) -> SummaryRow {
+fn row(
+    scenario: &str,
+    parameters: &Map<String, Value>,
+    method: &str,
+    records: &[&Record],
+    metrics: Vec<MetricRow>,
+) -> SummaryRow {
     let count = |holds: &dyn Fn(&Record) -> bool| records.iter().filter(|r| holds(r)).count();
     let middle = |value: &dyn Fn(&Record) -> Option<f64>| {
         let values: Vec<f64> = records.iter().map(|r| value(r).unwrap_or(f64::INFINITY)).collect();
@@ -144,6 +176,7 @@ fn row(scenario: &str, parameters: &Map<String, Value>, method: &str, records: &
         median_seconds: middle(&|r| Some(r.seconds)),
         successes_sum: count(&|r| r.success_sum),
         median_evaluations: middle(&|r| Some(r.evaluations as f64)),
+        metrics,
         calibration: Calibration::of(records),
     }
 }

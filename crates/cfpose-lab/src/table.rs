@@ -5,16 +5,24 @@ use std::collections::BTreeMap;
 use serde_json::Value;
 
 use crate::config::Experiment;
+use crate::metric::POSE;
 use crate::summary::{Calibration, SummaryRow};
 use crate::value::canonical;
 
-/// Return the parameters that differ between rows, in their order: the columns worth printing.
+/// Return the parameters that differ between rows of one scenario, in their order: the columns worth printing.
 pub fn varying_parameters(rows: &[SummaryRow]) -> Vec<String> {
     let mut names: Vec<String> = Vec::new();
     for row in rows {
         names.extend(row.parameters.keys().filter(|key| !names.contains(key)).cloned().collect::<Vec<_>>());
     }
-    names.retain(|name| rows.iter().any(|row| row.parameters.get(name) != rows[0].parameters.get(name)));
+    let mut first: BTreeMap<&str, &SummaryRow> = BTreeMap::new();
+    for row in rows {
+        first.entry(&row.scenario).or_insert(row);
+    }
+    let differs = |name: &str, row: &SummaryRow| {
+        first.get(row.scenario.as_str()).is_some_and(|other| row.parameters.get(name) != other.parameters.get(name))
+    };
+    names.retain(|name| rows.iter().any(|row| differs(name, row)));
     names
 }
 
@@ -46,6 +54,11 @@ pub fn summary_table(rows: &[SummaryRow]) -> String {
         ]
         .map(str::to_string),
     );
+    let own = own_metrics(rows);
+    header.extend(own.iter().map(|(name, unit)| match *unit {
+        "1" => format!("median {name}"),
+        unit => format!("median {name} ({unit})"),
+    }));
     let with_statistics = rows.iter().any(|row| row.calibration.with_statistics > 0);
     if with_statistics {
         let columns = ["suspect %", "J alarms", "mean d^2", "95 % band", "median d^2", "confidently wrong"];
@@ -64,12 +77,26 @@ pub fn summary_table(rows: &[SummaryRow]) -> String {
             number(row.median_translation),
             row.median_seconds.map_or_else(dash, |s| format!("{:.1}", 1e3 * s)),
         ]);
+        let value = |name: &str| row.metrics.iter().find(|metric| metric.name == name).and_then(|metric| metric.median);
+        cells.extend(own.iter().map(|(name, _)| number(value(name))));
         if with_statistics {
             cells.extend(calibration(&row.calibration));
         }
         cells
     });
     markdown(&header, &body.collect::<Vec<_>>())
+}
+
+/// Return name and unit of the metrics that are not those of a pose, each once.
+fn own_metrics(rows: &[SummaryRow]) -> Vec<(&'static str, &'static str)> {
+    let mut own = Vec::new();
+    for metric in rows.iter().flat_map(|row| &row.metrics) {
+        let is_of_pose = POSE.iter().any(|pose| pose.name == metric.name);
+        if !is_of_pose && !own.contains(&(metric.name, metric.unit)) {
+            own.push((metric.name, metric.unit));
+        }
+    }
+    own
 }
 
 /// Render every published table with our figures beside it: by e, and by the sum of angle and translation.

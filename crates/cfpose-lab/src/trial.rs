@@ -15,12 +15,26 @@ use crate::calibration::estimate_mahalanobis;
 use crate::config::Experiment;
 use crate::lab::Lab;
 use crate::method::{Method, SCENARIO_START};
+use crate::metric::Score;
 use crate::path::{Trace, start_offset};
 use crate::plan::{Cell, PlannedTrial};
 use crate::record::{DataHashes, Record, VERSION};
-use crate::scenario::{Determined, Scenario, ScenarioError, Trial};
+use crate::rows::Rows;
+use crate::scenario::problems::Posed;
+use crate::scenario::{Determined, Scenario, ScenarioError, Success, Trial};
 use crate::seed::{data_stream, method_seed};
 use crate::value::json_of;
+
+mod external;
+mod problem;
+
+/// The data of a trial.
+pub(crate) enum Drawn {
+    /// Two point sets.
+    Points(Trial),
+    /// A least-squares problem.
+    Problem(Posed),
+}
 
 /// What all trials of a run share.
 pub(crate) struct Bench<'a> {
@@ -31,6 +45,8 @@ pub(crate) struct Bench<'a> {
     pub cancel: Option<&'a AtomicBool>,
     /// Hashes of the files of every cell's scenario.
     pub data: &'a [DataHashes],
+    /// What other programs found.
+    pub rows: Option<&'a Rows>,
 }
 
 impl Bench<'_> {
@@ -47,22 +63,30 @@ impl Bench<'_> {
             let begin = Instant::now();
             let mut record = self.blank(cell, planned, method);
             match &data {
-                Ok(trial) => {
-                    (record.num_source, record.num_target) = (trial.source.len(), trial.target.len());
-                    record.conditions =
-                        trial.conditions.iter().map(|(name, value)| (name.to_string(), json_of(value))).collect();
-                    record.determined = trial.determined == Determined::Theta;
+                Ok(drawn) => {
+                    if let Drawn::Points(trial) = drawn {
+                        (record.num_source, record.num_target) = (trial.source.len(), trial.target.len());
+                        record.conditions =
+                            trial.conditions.iter().map(|(name, value)| (name.to_string(), json_of(value))).collect();
+                        record.determined = trial.determined == Determined::Theta;
+                    }
                     // Code of entries that a program added may panic: that costs its own row, not the run.
                     let before = record.clone();
-                    let solve = AssertUnwindSafe(|| self.solve(scenario, trial, planned, method, &mut record));
+                    let solve = AssertUnwindSafe(|| match drawn {
+                        Drawn::Points(trial) if method.external => self.take(scenario, trial, &mut record),
+                        Drawn::Points(trial) => self.solve(scenario, trial, planned, method, &mut record),
+                        Drawn::Problem(posed) => self.solve_problem(scenario, posed, planned, method, &mut record),
+                    });
                     if let Err(panic) = catch_unwind(solve) {
                         record = Record { message: Some(format!("a panic: {}", words(panic.as_ref()))), ..before };
                     }
                 }
                 Err(problem) => record.message = Some(problem.to_string()),
             }
-            record.seconds = begin.elapsed().as_secs_f64();
-            record.timed_out = self.experiment.deadline_secs.is_some_and(|limit| record.seconds >= limit);
+            if !method.external {
+                record.seconds = begin.elapsed().as_secs_f64();
+                record.timed_out = self.experiment.deadline_secs.is_some_and(|limit| record.seconds >= limit);
+            }
             record.seal();
             record
         };
@@ -70,8 +94,14 @@ impl Bench<'_> {
     }
 
     /// Draw the data of a trial.
-    pub(crate) fn draw(&self, scenario: &dyn Scenario, planned: &PlannedTrial) -> Result<Trial, ScenarioError> {
-        let draw = || scenario.trial(&mut data_stream(self.experiment.seed, planned.key));
+    pub(crate) fn draw(&self, scenario: &dyn Scenario, planned: &PlannedTrial) -> Result<Drawn, ScenarioError> {
+        let draw = || {
+            let mut rng = data_stream(self.experiment.seed, planned.key);
+            match scenario.problems() {
+                Some(problems) => problems.posed(&mut rng).map(Drawn::Problem),
+                None => scenario.trial(&mut rng).map(Drawn::Points),
+            }
+        };
         catch_unwind(AssertUnwindSafe(draw)).unwrap_or_else(|panic| Err(ScenarioError::Panicked(words(panic.as_ref()))))
     }
 
@@ -108,6 +138,7 @@ impl Bench<'_> {
             translation: None,
             error: None,
             e_sum: None,
+            metrics: BTreeMap::new(),
             theta: None,
             status: "unsupported".to_string(),
             usable: false,
@@ -189,16 +220,11 @@ impl Bench<'_> {
         }
         record.theta = Some(model.layout.to_list(&estimate.theta, RotationForm::Vector))
             .filter(|list| list.iter().all(|v| v.is_finite()));
-        let Some((error, truth)) = nearest_truth(scenario, &model.layout, &estimate.theta, trial) else { return };
-        record.rotation_deg = Some(error.angle.to_degrees());
-        record.translation = Some(error.translation);
-        record.error = Some(error.total());
-        record.e_sum = Some(error.angle + error.translation);
-        let possible = record.usable && trial.determined != Determined::Nothing;
-        record.success = possible && trial.success.holds(&error);
-        record.success_sum = possible && trial.success.holds_for_sum(&error);
+        let layout = &estimator.model().layout;
+        let Some((score, truth)) = nearest_score(scenario, layout, &estimate.theta, trial) else { return };
+        judge(scenario, trial, &score, record);
         if let Some(statistics) = &estimate.statistics {
-            let manifold = model.layout.manifold();
+            let manifold = layout.manifold();
             record.noise_sigma = statistics.noise_sigma;
             record.j_statistic = Some(statistics.j_statistic).filter(|value| value.is_finite());
             record.degrees_of_freedom = Some(statistics.degrees_of_freedom);
@@ -215,15 +241,56 @@ fn words(panic: &(dyn Any + Send)) -> String {
     text.unwrap_or("without a message").split_whitespace().collect::<Vec<_>>().join(" ")
 }
 
-/// Compare an estimate with the nearest of the true thetas of a trial; return that theta too.
+/// Write the metrics of a usable or unusable estimate, and whether it is a success.
+fn judge(scenario: &dyn Scenario, trial: &Trial, score: &Score, record: &mut Record) {
+    write_score(scenario, score, record);
+    let possible = record.usable && trial.determined != Determined::Nothing;
+    record.success = possible && scenario.succeeds(score, trial);
+    record.success_sum = match (&score.pose, trial.success) {
+        (Some(error), Success::Error(_)) => possible && trial.success.holds_for_sum(error),
+        _ => record.success,
+    };
+}
+
+/// Write the metrics into a record: those of a pose into their columns, the others by name.
+fn write_score(scenario: &dyn Scenario, score: &Score, record: &mut Record) {
+    if let Some(error) = &score.pose {
+        record.rotation_deg = Some(error.angle.to_degrees());
+        record.translation = Some(error.translation);
+        record.error = Some(error.total());
+        record.e_sum = Some(error.angle + error.translation);
+    }
+    let named = scenario.metrics().iter().zip(&score.values);
+    for (metric, value) in named.filter(|(metric, value)| !metric.is_of_pose() && value.is_finite()) {
+        record.metrics.insert(metric.name.to_string(), *value);
+    }
+    if let (None, Some(first)) = (&score.pose, scenario.metrics().first())
+        && first.smaller_is_better
+    {
+        record.error = score.values.first().copied().filter(|value| value.is_finite());
+    }
+}
+
+/// Measure an estimate against the nearest of the true thetas of a trial; return that theta too.
+pub fn nearest_score<'a>(
+    scenario: &dyn Scenario,
+    layout: &Layout,
+    estimate: &[f64],
+    trial: &'a Trial,
+) -> Option<(Score, &'a [f64])> {
+    let metrics = scenario.metrics();
+    std::iter::once(&trial.truth)
+        .chain(&trial.equally_true)
+        .filter_map(|truth| Some((scenario.score(layout, estimate, truth, trial)?, truth.as_slice())))
+        .min_by(|a, b| a.0.miss(metrics).total_cmp(&b.0.miss(metrics)))
+}
+
+/// Compare an estimate with the nearest of the true thetas of a trial as poses; return that theta too.
 pub fn nearest_truth<'a>(
     scenario: &dyn Scenario,
     layout: &Layout,
     estimate: &[f64],
     trial: &'a Trial,
 ) -> Option<(PoseError, &'a [f64])> {
-    std::iter::once(&trial.truth)
-        .chain(&trial.equally_true)
-        .filter_map(|truth| Some((scenario.error(layout, estimate, truth)?, truth.as_slice())))
-        .min_by(|a, b| a.0.total().total_cmp(&b.0.total()))
+    nearest_score(scenario, layout, estimate, trial).and_then(|(score, truth)| Some((score.pose?, truth)))
 }

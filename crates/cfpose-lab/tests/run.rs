@@ -62,14 +62,16 @@ fn results_do_not_depend_on_threads_shards_or_interruptions() {
     let expected = read(whole.path(), "results.csv");
     assert_eq!(expected.lines().count(), NUM_RECORDS + 1);
 
-    let threaded = tempfile::tempdir().unwrap();
-    run(&lab, &experiment, &RunOptions { threads: 3, ..options(threaded.path()) }).unwrap();
-    assert_eq!(read(threaded.path(), "results.csv"), expected);
+    for threads in [2, 3, 7] {
+        let threaded = tempfile::tempdir().unwrap();
+        run(&lab, &experiment, &RunOptions { threads, ..options(threaded.path()) }).unwrap();
+        assert_eq!(read(threaded.path(), "results.csv"), expected);
+    }
 
     // Shards in one folder: the last one to end writes the tables.
     let sharded = tempfile::tempdir().unwrap();
-    for index in [1, 0, 2] {
-        let shard = Shard { index, count: 3 };
+    for index in [1, 0, 6, 4, 5, 3, 2] {
+        let shard = Shard { index, count: 7 };
         let report = run(&lab, &experiment, &RunOptions { shard, ..options(sharded.path()) }).unwrap();
         assert_eq!(report.merged.is_some(), index == 2);
     }

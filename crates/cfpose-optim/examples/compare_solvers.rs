@@ -43,7 +43,10 @@ fn kinds() -> Vec<Kind> {
         ("alignment, 17 deg, noise 0.05", align(0.3, 0.05)),
         ("alignment, 86 deg, noise 0.05", align(1.5, 0.05)),
         ("relative pose on SO(3) x S^2", (0..TRIALS).map(views).collect()),
-        ("More-Garbow-Hillstrom, 41", more_garbow_hillstrom::all().into_iter().map(|r| (r.problem, r.start)).collect()),
+        (
+            "More-Garbow-Hillstrom, 41",
+            more_garbow_hillstrom::all().into_iter().map(|r| (r.problem as Box<dyn LeastSquares>, r.start)).collect(),
+        ),
         ("NIST, 53 starts", regressions.collect()),
     ]
 }

@@ -11,6 +11,7 @@
 
 mod argmin_drive;
 pub mod auto;
+mod basin_drive;
 pub mod check;
 mod constrained;
 pub mod constraint;

@@ -2,10 +2,10 @@
 
 use cfpose::entry::ParameterSpec;
 use cfpose::theta::Layout;
-use cfpose::{Points, PoseError, Side};
+use cfpose::{Points, Side};
 use cfpose_lab::rand::RngExt;
 use cfpose_lab::rand_distr::StandardNormal;
-use cfpose_lab::{ChaCha12Rng, Scenario, ScenarioEntry, ScenarioError, Success, Trial};
+use cfpose_lab::{ChaCha12Rng, Metric, Scenario, ScenarioEntry, ScenarioError, Score, Success, Trial};
 
 /// Draws, in this order: five normals, theta; two normals a target point, the noise.
 struct Leaf {
@@ -30,17 +30,25 @@ impl Scenario for Leaf {
             Points::from_rows(rows).map_err(|problem| ScenarioError::Points { side, problem })
         };
         let trial =
-            Trial::new(points(Side::Source, &source)?, points(Side::Target, &target)?, truth, Success::Error(0.05));
+            Trial::new(points(Side::Source, &source)?, points(Side::Target, &target)?, truth, Success::Metric(0.05));
         Ok(trial.with_start(vec![0.0, 1.0, 1.0, 0.0, 0.0]))
     }
 
-    // The model has no pose in 3-D, so the scenario says what its error is: the angle, and scales and translation together.
-    fn error(&self, _layout: &Layout, estimate: &[f64], truth: &[f64]) -> Option<PoseError> {
-        let rest: f64 = (1..5).map(|j| (estimate[j] - truth[j]).powi(2)).sum();
-        let error = PoseError { angle: (estimate[0] - truth[0]).abs(), translation: rest.sqrt() };
-        error.total().is_finite().then_some(error)
+    // The model has no pose in 3-D, so the scenario has metrics of its own. The first one is `error` in the results and what
+    // `Success::Metric` compares; `succeeds` could be any other rule.
+    fn metrics(&self) -> &[Metric] {
+        METRICS
+    }
+
+    fn score(&self, _layout: &Layout, estimate: &[f64], truth: &[f64], _trial: &Trial) -> Option<Score> {
+        let norm = |range: std::ops::Range<usize>| range.map(|j| (estimate[j] - truth[j]).powi(2)).sum::<f64>().sqrt();
+        let values = vec![norm(0..5), norm(1..3), norm(3..5)];
+        values.iter().all(|value| value.is_finite()).then(|| Score::of(values))
     }
 }
+
+const METRICS: &[Metric] =
+    &[Metric::error("misfit", "1"), Metric::error("stretch", "1"), Metric::error("shift", "target")];
 
 /// Return a point of an outline without symmetry, t from 0 to 1.
 fn outline(t: f64) -> [f64; 2] {

@@ -1,4 +1,5 @@
-//! A program of your own: every command of `cfpose`, with one model, one family, one solver and one scenario more.
+//! A program of your own: every command of `cfpose`, with one model, one family, one solver and two scenarios more:
+//! point sets, and a least-squares problem without any.
 //!
 //! ```text
 //! cargo run -p own-lab -- list models
@@ -6,6 +7,7 @@
 //! cargo run -p own-lab -- run examples/own-lab/compare.toml
 //! ```
 
+mod beacons;
 mod bumps;
 mod delayed_gratification;
 mod leaf;
@@ -21,5 +23,6 @@ fn main() -> ExitCode {
     lab.registry.families.push(&bumps::ENTRY);
     lab.registry.solvers.push(&delayed_gratification::ENTRY);
     lab.scenarios.push(&leaf::ENTRY);
+    lab.scenarios.push(&beacons::ENTRY);
     cfpose_cli::main_with(lab)
 }

@@ -97,11 +97,22 @@ fn a_run_compares_own_and_shipped_methods() {
     let experiment = Path::new(env!("CARGO_MANIFEST_DIR")).join("compare.toml");
     let report = json(folder.path(), &format!("run {} --trials 5 --out out", experiment.display()));
     let rows = report["summary"].as_array().unwrap();
-    assert_eq!(rows.len(), 6);
+    assert_eq!(rows.len(), (2 + 1 + 1 + 2) * 3);
     for row in rows {
-        assert_eq!((&row["scenario"], &row["trials"]), (&Value::from("leaf"), &Value::from(5)));
+        assert_eq!(row["trials"], 5);
         assert!(row["median_error"].as_f64().unwrap() < 0.05, "{row}");
     }
+    let of = |scenario: &str| rows.iter().find(|row| row["scenario"] == scenario).unwrap();
+    let names = |row: &Value| -> Vec<String> {
+        row["metrics"].as_array().unwrap().iter().map(|m| m["name"].as_str().unwrap().to_string()).collect()
+    };
+    // Metrics of its own, those of a model of its own in a shipped scenario, and of problems.
+    assert_eq!(names(of("leaf")), ["misfit", "stretch", "shift"]);
+    assert_eq!(names(of("any-model")), ["rotation_deg", "translation", "error", "transfer"]);
+    assert_eq!(names(of("beacons")), ["misfit", "north"]);
+    assert_eq!(of("beacons")["metrics"][1]["smaller_is_better"], false);
+    assert_eq!(names(of("least-squares")), ["excess", "digits"]);
+    assert!(of("least-squares")["metrics"][1]["median"].as_f64().unwrap() > 4.0);
     // What reads the folder again knows the scenario too.
     assert_eq!(&json(folder.path(), "merge out"), &report["summary"]);
     assert_eq!(json(folder.path(), "status out")["complete"], true);

@@ -48,6 +48,12 @@ pub struct RunArgs {
     /// Print what would be computed and stop
     #[arg(long)]
     pub dry: bool,
+    /// Write the point files of all trials and trials.jsonl into a folder for other programs, and stop
+    #[arg(long, value_name = "DIR", conflicts_with_all = ["shard", "resume", "dry", "only"])]
+    pub export_data: Option<PathBuf>,
+    /// Take what other programs found, a JSON object a line: key, method, theta; for methods with external = true
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["dry", "only"])]
+    pub import_rows: Option<PathBuf>,
     /// Compute one trial again and write its point files into the folder's only-KEY; keys stand in results.csv
     #[arg(long, value_name = "KEY", conflicts_with_all = ["shard", "resume", "dry"])]
     pub only: Option<String>,

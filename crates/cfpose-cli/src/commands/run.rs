@@ -7,7 +7,7 @@ use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
 
 use cfpose_lab::folder::{EXPERIMENT, own_files};
-use cfpose_lab::{Experiment, Lab, Plan, Progress, RunOptions, RunReport, Shard};
+use cfpose_lab::{Experiment, Lab, Plan, Progress, Rows, RunOptions, RunReport, Shard};
 use indicatif::{ProgressBar, ProgressStyle};
 use serde_json::json;
 
@@ -36,6 +36,19 @@ pub fn run(args: &RunArgs, lab: &Lab) -> Result<(), Failure> {
     if args.dry {
         return dry(args, lab, &experiment, shard);
     }
+    if let Some(folder) = &args.export_data {
+        let exported = cfpose_lab::export(lab, &experiment, folder)?;
+        let text = format!(
+            "{} trials in {}, {} without points; trials.jsonl lists them",
+            exported.trials,
+            folder.display(),
+            exported.without_points
+        );
+        output::show(&text, args.json.as_deref())?;
+        let value = json!({ "trials": exported.trials, "without_points": exported.without_points, "folder": folder });
+        return output::write_json(&value, args.json.as_deref());
+    }
+    let rows = args.import_rows.as_ref().map(|path| Rows::load(path, &experiment)).transpose()?;
     let signals = Signals::watch();
     let bar = bar();
     let show = |progress: Progress| {
@@ -49,6 +62,7 @@ pub fn run(args: &RunArgs, lab: &Lab) -> Result<(), Failure> {
         threads: inputs::num_threads(args.threads),
         isa,
         cancel: Some(signals.flag()),
+        rows: rows.as_ref(),
         progress: Some(&show),
         ..RunOptions::new(&out)
     };

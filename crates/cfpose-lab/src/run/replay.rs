@@ -10,7 +10,8 @@ use crate::lab::Lab;
 use crate::method::Method;
 use crate::plan::{Cell, Plan};
 use crate::record::Record;
-use crate::scenario::Trial;
+use crate::scenario::{ScenarioError, Trial};
+use crate::trial::Drawn;
 
 /// One trial and its records.
 #[derive(Debug, Clone, PartialEq)]
@@ -59,9 +60,17 @@ pub fn replay(lab: &Lab, experiment: &Experiment, key: &str, isa: Isa) -> Result
         execution: Execution { isa, pool: None },
         cancel: None,
         data: &data::hashes(&scenarios)?,
+        rows: None,
     };
-    let trial = bench.draw(scenario, &planned).map_err(|problem| scenario_error(&cell, problem))?;
-    let methods: Vec<&Method> = experiment.methods.iter().collect();
+    let trial = match bench.draw(scenario, &planned) {
+        Ok(Drawn::Points(trial)) => trial,
+        Ok(Drawn::Problem(_)) => {
+            let words = "its trials are least-squares problems; there are no points to write".to_string();
+            return Err(scenario_error(&cell, ScenarioError::Impossible(words)));
+        }
+        Err(problem) => return Err(scenario_error(&cell, problem)),
+    };
+    let methods: Vec<&Method> = experiment.methods.iter().filter(|method| !method.external).collect();
     let records = bench.records(scenario, &cell, &planned, &methods);
     Ok(Replay { repetition: planned.repetition, model: scenario.model().to_string(), trial, records, cell })
 }

@@ -8,6 +8,7 @@ use crate::solver::{Solver, SolverEntry};
 
 mod argmin_trust_region;
 mod augmented_lagrangian;
+mod basin;
 mod bfgs;
 mod clarabel;
 mod gauss_newton;
@@ -25,6 +26,7 @@ mod trust_region;
 
 pub use argmin_trust_region::ArgminTrustRegion;
 pub use augmented_lagrangian::Penalised;
+pub use basin::{Basin, BasinMethod};
 pub use bfgs::{Bfgs, LineSearch};
 pub use clarabel::{Clarabel, ConeProblem, ConeStep};
 pub use gauss_newton::GaussNewton;
@@ -58,6 +60,7 @@ pub const ALL: &[&SolverEntry] = &[
     &nelder_mead::ENTRY,
     &particle_swarm::ENTRY,
     &simulated_annealing::ENTRY,
+    &basin::ENTRY,
     &global::MULTI_START,
     &global::BASIN_HOPPING,
 ];

@@ -288,6 +288,16 @@ impl<'f, 's, 'a> Frame<'f, 's, 'a> {
         self.manifold.ambient() == self.size
     }
 
+    /// Return the bounds of the problem in flat coordinates; `None` where it has none, and where theta is no vector.
+    pub fn bounds(&self) -> Option<(Vec<f64>, Vec<f64>)> {
+        let inner = self.inner.borrow();
+        let bounds = inner.session.problem().bounds().filter(|_| self.is_flat_space())?;
+        let placed = |values: &[f64]| -> Vec<f64> {
+            values.iter().zip(&inner.base).zip(&inner.scaling).map(|((v, b), s)| (v - b) * s).collect()
+        };
+        Some((placed(&bounds.lower), placed(&bounds.upper)))
+    }
+
     /// Say whether the solve is over.
     pub fn is_over(&self) -> bool {
         let inner = self.inner.borrow();

@@ -7,7 +7,7 @@ pub struct Reference {
     /// Name, with the number in its collection.
     pub name: String,
     /// The problem.
-    pub problem: Box<dyn LeastSquares>,
+    pub problem: Box<dyn LeastSquares + Send>,
     /// Usual start.
     pub start: Vec<f64>,
     /// Published values of r'r at the global minimum and, after it, at known local minima.

@@ -1,0 +1,1 @@
+"""One file a rival: `solve(trial) -> (theta, message)`, theta = (rotation vector, translation) or None."""
