@@ -7,6 +7,7 @@
 //! * [`family`]: what an author of feature functions writes; [`families`]: the table.
 //! * [`means`]: the hot loop; [`problem`]: residual and Jacobian; [`estimator`]: from names to an estimate.
 //! * [`statistics`], [`distances`]: how sure an estimate is, and what is done about outliers.
+//! * [`from_moments`]: estimates from sums over the points alone, gathered in parts on any machines.
 //! * [`Registry`]: add your own entries and use every tool with them.
 //!
 //! The library opens no file, reads no clock, starts no thread and has no global state.
@@ -19,6 +20,7 @@ pub mod entry;
 mod error;
 pub mod estimator;
 pub mod families;
+pub mod from_moments;
 mod geometry;
 pub mod model;
 pub mod models;
