@@ -7,6 +7,7 @@ use clap::{CommandFactory, FromArgMatches, Parser, Subcommand, ValueEnum};
 mod about;
 mod experiments;
 mod images;
+mod moments;
 mod pose;
 mod problem;
 mod reading;
@@ -14,6 +15,7 @@ mod reading;
 pub use about::{CheckArgs, CompletionsArgs, DocsArgs, ListArgs, ListKind, ManArgs};
 pub use experiments::{DemoArgs, FolderArgs, LearnArgs, RunArgs};
 pub use images::{CellsArgs, LookArgs, RegisterArgs, SegmentArgs};
+pub use moments::MomentsArgs;
 pub use pose::{PoseArgs, PoseCommand, PoseTarget};
 pub use problem::{EstimateArgs, EvaluateArgs, FrameName, Matching, ProblemArgs, Reflections};
 pub use reading::{InvalidRows, ReadingArgs, Side, Thin, Weights};
@@ -62,6 +64,8 @@ pub enum Command {
     Estimate(EstimateArgs),
     /// Evaluate residual, Jacobian and feature means at one theta, without solving
     Evaluate(EvaluateArgs),
+    /// Sum the moments of point files, or merge such sums: registration of any number of points in parts
+    Moments(MomentsArgs),
     /// List what can be chosen by name
     List(ListArgs),
     /// Check registered entries: derivatives, conformance, conditioning, speed

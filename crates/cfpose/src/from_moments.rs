@@ -11,7 +11,7 @@ use cfpose_kernel::means::Execution;
 use cfpose_kernel::moments::{GatheredMoments, Moments};
 use cfpose_kernel::points::Points;
 use cfpose_optim::manifold::Manifold;
-use cfpose_optim::{Control, Interrupt, LeastSquares, Outcome, Status, Stopping};
+use cfpose_optim::{Control, Interrupt, LeastSquares, Outcome, Stopping};
 
 use crate::criteria::Criteria;
 use crate::distances::Sampling;
@@ -134,7 +134,7 @@ impl MomentEstimator {
         let base = settings.given_starts().first().unwrap_or(&model.identity).clone();
         model.layout.check_ambient(&base)?;
         let freedom = settings.free.as_ref().map(|free| Freedom::new(&model.layout, free, &base));
-        let stages = stages(settings, &model, [source, target])?;
+        let stages = stages(settings, [source, target])?;
         // As the estimator on points does: `paper` steps as printed.
         let about_centre = settings.preset == "auto" && settings.pipeline.is_none() && freedom.is_none();
         let mean = moments[0].mean();
@@ -169,13 +169,15 @@ impl MomentEstimator {
         let context = BuildContext { seed: self.settings.seed, dim: model.dim(), ..BuildContext::default() };
         let family: Arc<dyn cfpose_kernel::family::DynFamily> = Arc::from(registry.family(&stage.features, &context)?);
         let sides = [&moments[0], &moments[1]];
-        let problem = MomentProblem::of_moments(Arc::clone(model), Arc::clone(&family), transform, sides, execution.clone())
-            .map_err(|error| match error {
-                Error::Unsupported(problem) => {
-                    Error::Unsupported(format!("{problem} (model `{}`, features `{}`)", self.settings.model, stage.features))
-                }
-                other => other,
-            })?;
+        let problem =
+            MomentProblem::of_moments(Arc::clone(model), Arc::clone(&family), transform, sides, execution.clone())
+                .map_err(|error| match error {
+                    Error::Unsupported(problem) => Error::Unsupported(format!(
+                        "{problem} (model `{}`, features `{}`)",
+                        self.settings.model, stage.features
+                    )),
+                    other => other,
+                })?;
         let problem = match self.manifold() {
             Some(manifold) => problem.with_model_manifold(manifold),
             None => problem,
@@ -185,11 +187,13 @@ impl MomentEstimator {
             Update::Never => None,
             Update::Steps(_) => Some(self.squares(&problem, &moments[0], &stage.features)?),
             Update::EveryEvaluation => {
-                let problem = format!("weighting `{}` needs the points; moments serve identity and two-step", stage.weighting);
+                let problem =
+                    format!("weighting `{}` needs the points; moments serve identity and two-step", stage.weighting);
                 return Err(Error::Unsupported(problem));
             }
         };
-        let solver = stage.solver.as_deref().or(self.settings.solver.as_deref()).or(model.solver).unwrap_or(SOLVER).to_string();
+        let solver =
+            stage.solver.as_deref().or(self.settings.solver.as_deref()).or(model.solver).unwrap_or(SOLVER).to_string();
         let solver_built = registry.solver(&solver)?;
         let stage = Stage { normaliser: Some(name), solver: Some(solver), ..stage };
         Ok(ReadyStage { stage, problem, solver: solver_built, weighting, squares })
@@ -254,7 +258,9 @@ impl MomentEstimator {
                 break;
             }
         }
-        let rank = |found: &Found| (!found.outcome.usable(), if found.outcome.cost.is_nan() { f64::INFINITY } else { found.outcome.cost });
+        let rank = |found: &Found| {
+            (!found.outcome.usable(), if found.outcome.cost.is_nan() { f64::INFINITY } else { found.outcome.cost })
+        };
         found.sort_by(|a, b| rank(a).0.cmp(&rank(b).0).then(rank(a).1.total_cmp(&rank(b).1)));
         let starts = found.len();
         let mut found = found.into_iter();
@@ -473,7 +479,7 @@ fn nothing_done(name: &str) -> StageReport {
 }
 
 /// Return the stages to run, what was given beside the preset put into the last one.
-fn stages(settings: &Settings, model: &Model, sums: [&GatheredMoments; 2]) -> Result<Vec<Stage>, Error> {
+fn stages(settings: &Settings, sums: [&GatheredMoments; 2]) -> Result<Vec<Stage>, Error> {
     let named = || match sums.map(GatheredMoments::label) {
         [source, target] if source == target => Ok(source.to_string()),
         [source, target] => Err(Error::Unsupported(format!(
@@ -502,13 +508,11 @@ fn stages(settings: &Settings, model: &Model, sums: [&GatheredMoments; 2]) -> Re
     }
     match stages.iter().find(|stage| stage.model.as_ref().is_some_and(|name| *name != settings.model)) {
         Some(stage) => {
-            let problem = format!("stage `{}` has a model of its own; moments serve the stages of one model", stage.name);
+            let problem =
+                format!("stage `{}` has a model of its own; moments serve the stages of one model", stage.name);
             Err(Error::Unsupported(problem))
         }
-        None => {
-            let _ = model;
-            Ok(stages)
-        }
+        None => Ok(stages),
     }
 }
 
@@ -522,9 +526,9 @@ fn without_points(pipeline: &Pipeline) -> Result<&Pipeline, Error> {
         (pipeline.stages.iter().any(|stage| stage.noise != NoiseModel::None), "noise"),
     ];
     match asks.iter().find(|(asked, _)| *asked) {
-        Some((_, key)) => {
-            Err(Error::Unsupported(format!("the pipeline's `{key}` needs points, which moments do not hold; leave it out")))
-        }
+        Some((_, key)) => Err(Error::Unsupported(format!(
+            "the pipeline's `{key}` needs points, which moments do not hold; leave it out"
+        ))),
         None => Ok(pipeline),
     }
 }

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use cfpose::moments::{BytesError, GatherError, GatheredMoments, Moments, mapped_means};
+use cfpose::moments::{BytesError, GatherError, GatheredMoments, Moments, mapped_means, monomials};
 use cfpose::{Execution, Isa, Points};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha12Rng;
@@ -13,9 +13,8 @@ const IDENTITY: [f64; 9] = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0];
 /// Return random points, weights between 0.5 and 1.5.
 fn cloud(len: usize, offset: f64) -> Points {
     let mut rng = ChaCha12Rng::seed_from_u64(len as u64);
-    let columns: Vec<Vec<f64>> = (1..4)
-        .map(|size| (0..len).map(|_| f64::from(size) * rng.random_range(0.0..1.0) + offset).collect())
-        .collect();
+    let columns: Vec<Vec<f64>> =
+        (1..4).map(|size| (0..len).map(|_| f64::from(size) * rng.random_range(0.0..1.0) + offset).collect()).collect();
     Points::weighted(columns, (0..len).map(|_| rng.random_range(0.5..1.5)).collect()).unwrap()
 }
 
@@ -63,8 +62,12 @@ fn a_centre_far_away_costs_no_digits() {
         // Both read about the same place.
         mapped_means(&sums.moments(), &IDENTITY, &points.mean().map(|x| -x))
     });
-    let worst = means[0].iter().zip(&means[1]).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
-    assert!(worst < 1e-11, "{worst:e}");
+    let worst = |degree: usize| {
+        let pairs = means[0].iter().zip(&means[1]).take(monomials(3, degree).len());
+        pairs.map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
+    };
+    // Two doubles a number: 4096^6 1e-31, and the rounding of the place at which both are read.
+    assert!(worst(3) < 1e-10 && worst(6) < 1e-8, "{:e} {:e}", worst(3), worst(6));
 }
 
 #[test]

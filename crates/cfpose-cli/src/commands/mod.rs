@@ -9,6 +9,7 @@ mod estimate;
 mod evaluate;
 mod learn;
 mod list;
+mod moments;
 mod pose;
 mod register;
 mod results;
@@ -30,6 +31,7 @@ pub fn run(command: &Command, lab: &Lab) -> Result<(), Failure> {
         Command::Demo(args) => demo::run(args, lab),
         Command::Estimate(args) => estimate::run(args, lab),
         Command::Evaluate(args) => evaluate::run(args, lab),
+        Command::Moments(args) => moments::run(args, lab),
         Command::List(args) => list::run(args, lab),
         Command::Register(args) => register::run(args, lab),
         Command::Segment(args) => segment::run(args),

@@ -5,11 +5,11 @@
 
 use pulp::{Simd, WithSimd};
 
+use super::Moments;
 use super::exact::ExactSum;
 use super::monomial_family;
 use super::recentred::recentred;
 use super::twofold::Twofold;
-use super::Moments;
 use crate::means::Execution;
 use crate::points::{BLOCK, Points};
 
@@ -184,7 +184,8 @@ impl GatheredMoments {
 
     /// Return the moments about the mean of the points, scaled by their spread: what sums over all points at once give.
     ///
-    /// The sums are moved there in two doubles a number, so that a centre 10^4 spreads away costs nothing at degree 6.
+    /// The sums are moved there in two doubles a number: where the centre is r spreads away, moments of degree n lose about r^n 1e-31,
+    /// which is nothing at degree 3 for the coordinates of a map, and leaves 7 digits at degree 6 for r = 10^4.
     pub fn moments(&self) -> Moments {
         recentred(self)
     }

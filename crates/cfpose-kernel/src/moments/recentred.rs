@@ -9,7 +9,8 @@ pub(super) fn recentred(gathered: &GatheredMoments) -> Moments {
     let (dim, degree) = (gathered.dim, gathered.degree);
     let family = monomial_family(degree);
     let exponents = family.exponents(dim);
-    let mut sums: Vec<Twofold> = gathered.sums.iter().map(|sum| sum.pair()).map(|(high, low)| Twofold { high, low }).collect();
+    let mut sums: Vec<Twofold> =
+        gathered.sums.iter().map(|sum| sum.pair()).map(|(high, low)| Twofold { high, low }).collect();
     let weight = sums[0].value();
     let unit = |k: usize, n: usize| std::array::from_fn::<usize, 3, _>(|q| if q == k { n } else { 0 });
     let place = |e: [usize; 3]| exponents.iter().position(|other| *other == e);

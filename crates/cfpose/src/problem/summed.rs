@@ -48,9 +48,8 @@ impl MomentProblem {
         let (source_path, target_path) = (path(maps[0], source)?, path(maps[1], target)?);
         let prepared = maps[1].prepare(&model.layout.neutral(), &[], 0);
         let fixed_target = Some(Arc::new(target_path.means(&prepared, &transform, execution.isa).values));
-        let nothing = |columns: usize| {
-            Arc::new(LiftedPoints { len: 0, columns: vec![Vec::new(); columns], weights: Vec::new() })
-        };
+        let nothing =
+            |columns: usize| Arc::new(LiftedPoints { len: 0, columns: vec![Vec::new(); columns], weights: Vec::new() });
         let group = Group {
             source: nothing(source.dim()),
             target: nothing(target.dim()),
