@@ -13,7 +13,7 @@ mod problem;
 mod reading;
 
 pub use about::{CheckArgs, CompletionsArgs, DocsArgs, ListArgs, ListKind, ManArgs};
-pub use experiments::{DemoArgs, FolderArgs, LearnArgs, RunArgs};
+pub use experiments::{DemoArgs, FolderArgs, LearnArgs, PlanArgs, RunArgs};
 pub use images::{CellsArgs, LookArgs, RegisterArgs, SegmentArgs};
 pub use moments::MomentsArgs;
 pub use pose::{PoseArgs, PoseCommand, PoseTarget};
@@ -78,6 +78,8 @@ pub enum Command {
     Cells(CellsArgs),
     /// Compute an experiment or a shard of it
     Run(RunArgs),
+    /// Write job files that run an experiment in shards: Slurm, GNU parallel, Dask, Snakemake
+    Plan(PlanArgs),
     /// Count what is there of a run
     Status(FolderArgs),
     /// Turn the records of all shards into tables

@@ -19,6 +19,7 @@ mod data;
 pub mod error;
 pub mod folder;
 pub mod growth;
+pub mod jobs;
 pub mod lab;
 pub mod merge;
 pub mod method;

@@ -10,7 +10,7 @@ use super::ReadingArgs;
 #[derive(Debug, Args)]
 pub struct MomentsArgs {
     /// Point files, or with --merge moment files; - is standard input
-    #[arg(value_name = "FILE", required = true, allow_hyphen_values = true)]
+    #[arg(value_name = "FILE", required = true)]
     pub files: Vec<PathBuf>,
     /// Add moment files about one centre; the same bytes in any order
     #[arg(long, conflicts_with_all = ["features", "model", "centre"])]

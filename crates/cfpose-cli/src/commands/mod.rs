@@ -10,6 +10,7 @@ mod evaluate;
 mod learn;
 mod list;
 mod moments;
+mod plan;
 mod pose;
 mod register;
 mod results;
@@ -38,6 +39,7 @@ pub fn run(command: &Command, lab: &Lab) -> Result<(), Failure> {
         Command::Cells(args) => cells::run(args),
         Command::Check(args) => check::run(args, lab),
         Command::Run(args) => run::run(args, lab),
+        Command::Plan(args) => plan::run(args, lab),
         Command::Status(args) => results::status(args, lab),
         Command::Merge(args) => results::merge(args, lab),
         Command::Report(args) => results::report(args, lab),
