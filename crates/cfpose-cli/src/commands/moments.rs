@@ -6,7 +6,7 @@ use std::sync::Arc;
 use cfpose::moments::{GatherError, GatheredMoments, MAX_DEGREE};
 use cfpose::{BuildContext, Execution, Isa, MomentProblem, Points, Registry, block};
 use cfpose_lab::Lab;
-use cfpose_vision::{FileError, stream_points};
+use cfpose_vision::{FileError, ReadOptions, stream_points};
 use serde::Serialize;
 
 use crate::args::{MomentsArgs, Weights, numbers};
@@ -77,11 +77,12 @@ fn gathered(args: &MomentsArgs, registry: &Registry) -> Result<GatheredMoments, 
     check_name(&registry, features)?;
     let centre = centre(&args.centre)?;
     let execution = execution(args.threads)?;
+    let options = ReadOptions { format: reading.format.clone(), ..read_options(reading) };
     let mut sums: Option<GatheredMoments> = None;
     for path in &args.files {
         let fail = |problem: String| Failure::input(format!("{}: {problem}", path.display()));
         let mut first_fault = None;
-        let read = stream_points(path, &read_options(reading), |points: &Points| {
+        let read = stream_points(path, &options, |points: &Points| {
             let points =
                 if reading.weights == Some(Weights::None) { &points.clone().with_equal_weights() } else { points };
             if sums.is_none() {

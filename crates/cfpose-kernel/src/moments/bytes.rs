@@ -43,7 +43,7 @@ impl GatheredMoments {
             end -= 1;
         }
         bytes.extend((end as u16).to_le_bytes());
-        bytes.extend(self.label[..end].as_bytes());
+        bytes.extend(&self.label.as_bytes()[..end]);
         self.centre[..self.dim].iter().for_each(|x| bytes.extend(x.to_le_bytes()));
         bytes.extend(self.count.to_le_bytes());
         for sum in std::iter::once(&self.squares).chain(&self.sums) {

@@ -143,7 +143,7 @@ impl GatheredMoments {
         let largest_weight = points.weights().iter().fold(1.0_f64, |most, w| most.max(*w));
         let bound = (LARGEST_TERM / largest_weight.powi(2)).powf((self.degree.max(1) as f64).recip());
         for d in 0..self.dim {
-            let far = |x: &f64| !((x - self.centre[d]).abs() <= bound);
+            let far = |x: &f64| (x - self.centre[d]).abs() > bound;
             if let Some(k) = points.column(d).iter().position(far) {
                 let (row, value) = (self.count + k as u64 + 1, (points.column(d)[k] - self.centre[d]).abs());
                 return Err(GatherError::Overflow { row, value, degree: self.degree });
