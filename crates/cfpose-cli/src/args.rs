@@ -7,13 +7,15 @@ use clap::{CommandFactory, FromArgMatches, Parser, Subcommand, ValueEnum};
 mod about;
 mod experiments;
 mod images;
+mod moments;
 mod pose;
 mod problem;
 mod reading;
 
 pub use about::{CheckArgs, CompletionsArgs, DocsArgs, ListArgs, ListKind, ManArgs};
-pub use experiments::{DemoArgs, FolderArgs, LearnArgs, ReportArgs, RunArgs};
+pub use experiments::{DemoArgs, FolderArgs, LearnArgs, ReportArgs, RunArgs, PlanArgs};
 pub use images::{CellsArgs, LookArgs, RegisterArgs, SegmentArgs};
+pub use moments::MomentsArgs;
 pub use pose::{PoseArgs, PoseCommand, PoseTarget};
 pub use problem::{EstimateArgs, EvaluateArgs, FrameName, Matching, ProblemArgs, Reflections};
 pub use reading::{InvalidRows, ReadingArgs, Side, Thin, Weights};
@@ -62,6 +64,8 @@ pub enum Command {
     Estimate(EstimateArgs),
     /// Evaluate residual, Jacobian and feature means at one theta, without solving
     Evaluate(EvaluateArgs),
+    /// Sum the moments of point files, or merge such sums: registration of any number of points in parts
+    Moments(MomentsArgs),
     /// List what can be chosen by name
     List(ListArgs),
     /// Check registered entries: derivatives, conformance, conditioning, speed
@@ -74,6 +78,8 @@ pub enum Command {
     Cells(CellsArgs),
     /// Compute an experiment or a shard of it
     Run(RunArgs),
+    /// Write job files that run an experiment in shards: Slurm, GNU parallel, Dask, Snakemake
+    Plan(PlanArgs),
     /// Count what is there of a run
     Status(FolderArgs),
     /// Turn the records of all shards into tables

@@ -3,6 +3,7 @@
 mod beforehand;
 mod cameras;
 mod files;
+mod moments;
 mod weights;
 
 use std::path::{Path, PathBuf};
@@ -23,7 +24,8 @@ use crate::failure::{Failure, Kind, is_wrong_name};
 use crate::{output, starts};
 
 pub use cameras::camera as read_camera_flag;
-pub use files::read;
+pub use files::{read, read_options};
+pub use moments::{load as load_moments, read as read_moments};
 pub use weights::with_files;
 
 /// A problem built from arguments and files.
@@ -58,6 +60,9 @@ impl Loaded {
 /// # Errors
 /// Wrong names and numbers are usage, files and points are input; names are checked before files are read.
 pub fn load(args: &ProblemArgs, registry: &Registry) -> Result<Loaded, Failure> {
+    if args.source_moments.is_some() {
+        return Err(Failure::usage("--source-moments holds no points; only `cfpose estimate` takes it"));
+    }
     let (mut settings, registry) = settings(args, registry)?;
     let registry = &registry;
     let model = registry.model(&args.model, &BuildContext { seed: args.seed, ..BuildContext::default() })?;
@@ -77,8 +82,8 @@ pub fn load(args: &ProblemArgs, registry: &Registry) -> Result<Loaded, Failure> 
     let (source, target) = (files[0].points.clone(), files[1].points.clone());
     let (source_dim, target_dim) = (source.dim(), target.dim());
     cameras::check(args, [source_dim, target_dim])?;
-    let source = cameras::to_image(source, cameras[0], &args.source)?;
-    let target = cameras::to_image(target, cameras[1], &args.target)?;
+    let source = cameras::to_image(source, cameras[0], args.source())?;
+    let target = cameras::to_image(target, cameras[1], args.target())?;
     let execution = execution(args.threads, isa, source.len().max(target.len()))?;
     let build = |settings: &Settings| {
         Estimator::new(registry, settings, &source, &target, &execution)
@@ -188,8 +193,9 @@ fn check_names(pipeline: &Pipeline, registry: &Registry) -> Result<(), String> {
 
 /// Return all files that the arguments of a problem name as inputs.
 pub fn named(args: &ProblemArgs) -> Vec<PathBuf> {
-    let mut all = vec![args.source.clone(), args.target.clone(), PathBuf::from(args.start.trim())];
+    let mut all = vec![args.source().to_path_buf(), args.target().to_path_buf(), PathBuf::from(args.start.trim())];
     all.extend(args.pipeline.clone());
+    all.extend([&args.source_moments, &args.target_moments].into_iter().flatten().cloned());
     all.extend(cameras::files(args).into_iter().map(Path::to_path_buf));
     all
 }
@@ -239,20 +245,20 @@ pub fn name_file(error: cfpose::Error, args: &ProblemArgs, target: &Points) -> F
         } else {
             "the model maps this point to no finite feature; remove it or rescale the file"
         };
-        return Failure::input(format!("{}: point {row}: {problem}", args.target.display()));
+        return Failure::input(format!("{}: point {row}: {problem}", args.target().display()));
     }
     let path = match &error {
         cfpose::Error::Points { side: cfpose::Side::Source, .. }
         | cfpose::Error::Data { side: cfpose::Side::Source, .. }
-        | cfpose::Error::PointDimension { side: cfpose::Side::Source, .. } => Some(&args.source),
+        | cfpose::Error::PointDimension { side: cfpose::Side::Source, .. } => Some(args.source()),
         // A model is built from the source: control points.
         cfpose::Error::Build(BuildError::Data { name, .. }) if args.model.starts_with(name.as_str()) => {
-            Some(&args.source)
+            Some(args.source())
         }
         cfpose::Error::Points { .. }
         | cfpose::Error::Data { .. }
         | cfpose::Error::PointDimension { .. }
-        | cfpose::Error::Normalise { .. } => Some(&args.target),
+        | cfpose::Error::Normalise { .. } => Some(args.target()),
         _ => None,
     };
     match path {
@@ -339,8 +345,8 @@ pub fn maps_to_target(model: &Model) -> bool {
 
 /// Return the pose of a theta, its translation in the unit of `depth` where the model counts in depths; `None` where the
 /// model has no pose.
-pub fn pose(loaded: &Loaded, theta: &[f64], depth: Option<f64>) -> Option<Pose> {
-    let pose = Pose::of_theta(&loaded.estimator.model().layout, theta)?;
+pub fn pose(layout: &Layout, theta: &[f64], depth: Option<f64>) -> Option<Pose> {
+    let pose = Pose::of_theta(layout, theta)?;
     let scale = depth.unwrap_or(1.0);
     Some(Pose { translation: pose.translation.map(|value| value * scale), ..pose })
 }

@@ -1,8 +1,8 @@
 //! The result of `estimate`: the JSON object of the contract and the table for people.
 
 use cfpose::estimator::{By, Evidence, Minimised, PriorReport, StageReport, Undetermined};
-use cfpose::theta::RotationForm;
-use cfpose::{Estimate, Pose};
+use cfpose::theta::{RotationForm, Layout};
+use cfpose::{Estimate, Pose, Settings};
 use serde::Serialize;
 
 use crate::args::{ProblemArgs, name_of};
@@ -77,6 +77,45 @@ fn square(matrix: &[f64]) -> Vec<Vec<f64>> {
     matrix.chunks_exact(n.max(1)).map(<[f64]>::to_vec).collect()
 }
 
+/// What was asked, and of which sets.
+pub struct Asked<'a> {
+    /// The names of all parts.
+    pub settings: &'a Settings,
+    /// Layout of theta.
+    pub layout: &'a Layout,
+    /// How rotations stand in lists of numbers.
+    pub form: RotationForm,
+    /// Name of the instruction set.
+    pub isa: &'static str,
+    /// Number of source points.
+    pub num_source: usize,
+    /// Number of target points.
+    pub num_target: usize,
+    /// Names of the free tangent directions.
+    pub free: &'a [String],
+    /// Size of a unit of the feature space in the units of the target file.
+    pub target_unit: f64,
+    /// The homography of the estimate in the units of the files.
+    pub homography: Option<[[f64; 3]; 3]>,
+}
+
+impl<'a> Asked<'a> {
+    /// Say what was asked of two point files.
+    pub fn of(loaded: &'a Loaded, estimate: &Estimate) -> Self {
+        Self {
+            settings: loaded.estimator.settings(),
+            layout: &loaded.estimator.model().layout,
+            form: loaded.form,
+            isa: loaded.isa.name(),
+            num_source: loaded.num_source,
+            num_target: loaded.num_target,
+            free: &loaded.free,
+            target_unit: loaded.target_unit(),
+            homography: inputs::homography(loaded, &estimate.theta),
+        }
+    }
+}
+
 /// A pose with its convention.
 #[derive(Debug, Serialize)]
 pub struct PoseReport {
@@ -98,8 +137,8 @@ struct AlternativeReport {
 
 impl PoseReport {
     /// Describe the pose of a theta, where its model has one.
-    pub fn of(loaded: &Loaded, theta: &[f64], depth: Option<f64>) -> Option<Self> {
-        let pose: Pose = inputs::pose(loaded, theta, depth)?;
+    pub fn of(layout: &Layout, theta: &[f64], depth: Option<f64>) -> Option<Self> {
+        let pose: Pose = inputs::pose(layout, theta, depth)?;
         let matrix = pose.matrix();
         let rotation = [0, 1, 2].map(|i| [matrix[i][0], matrix[i][1], matrix[i][2]]);
         Some(Self { convention: "target_from_source", rotation, translation: pose.translation, matrix })
@@ -110,17 +149,17 @@ impl Report {
     /// Gather what the contract asks for; `correspondence` counts from 0, `None` for a source point without a partner.
     pub fn new(
         args: &ProblemArgs,
-        loaded: &Loaded,
+        asked: &Asked<'_>,
         estimate: &Estimate,
         correspondence: Option<Vec<Option<usize>>>,
         seconds: f64,
     ) -> Self {
-        let (settings, last) = (loaded.estimator.settings(), &estimate.minimised.stage);
-        let list = |theta: &[f64]| loaded.estimator.model().layout.to_list(theta, loaded.form);
+        let (settings, last, layout) = (asked.settings, &estimate.minimised.stage, asked.layout);
+        let list = |theta: &[f64]| layout.to_list(theta, asked.form);
         let statistics = estimate.statistics.as_ref();
         let alternatives = estimate.alternatives.iter().map(|other| AlternativeReport {
             theta: list(&other.theta),
-            pose: PoseReport::of(loaded, &other.theta, args.depth),
+            pose: PoseReport::of(layout, &other.theta, args.depth),
             cost: other.cost,
             verdict: other.verdict.map(cfpose::Verdict::name),
             relative_likelihood: other.relative_likelihood,
@@ -135,14 +174,14 @@ impl Report {
             preset: settings.preset.clone(),
             sampling: estimate.sampling.map_or_else(|| name_of(args.sampling), str::to_string),
             seed: settings.seed,
-            isa: loaded.isa.name(),
-            num_source: loaded.num_source,
-            num_target: loaded.num_target,
+            isa: asked.isa,
+            num_source: asked.num_source,
+            num_target: asked.num_target,
             theta: list(&estimate.theta),
-            rotation_form: loaded.form.name(),
-            free: loaded.free.clone(),
-            pose: PoseReport::of(loaded, &estimate.theta, args.depth),
-            homography: inputs::homography(loaded, &estimate.theta),
+            rotation_form: asked.form.name(),
+            free: asked.free.to_vec(),
+            pose: PoseReport::of(layout, &estimate.theta, args.depth),
+            homography: asked.homography,
             correspondence: correspondence
                 .map(|list| list.into_iter().map(|index| index.map(|index| index + 1)).collect()),
             cost: estimate.outcome.cost,
@@ -156,7 +195,7 @@ impl Report {
             j_statistic: statistics.map(|s| s.j_statistic),
             degrees_of_freedom: statistics.map(|s| s.degrees_of_freedom),
             p_value: statistics.map(|s| s.p_value),
-            noise_sigma: statistics.and_then(|s| s.noise_sigma).map(|sigma| sigma * loaded.target_unit()),
+            noise_sigma: statistics.and_then(|s| s.noise_sigma).map(|sigma| sigma * asked.target_unit),
             verdict: estimate.verdict.map(cfpose::Verdict::name),
             message: estimate.outcome.message.clone(),
             alternatives: alternatives.collect(),
@@ -177,8 +216,8 @@ impl Report {
     }
 
     /// Write the table for people.
-    pub fn table(&self, loaded: &Loaded, estimate: &Estimate) -> String {
-        let layout = &loaded.estimator.model().layout;
+    pub fn table(&self, asked: &Asked<'_>, estimate: &Estimate) -> String {
+        let layout = asked.layout;
         let mut rows = vec![
             vec!["model".into(), self.model.clone()],
             vec![
@@ -187,13 +226,13 @@ impl Report {
             ],
             vec!["points".into(), format!("{} source, {} target", self.num_source, self.num_target)],
         ];
-        let list = layout.to_list(&estimate.theta, loaded.form);
+        let list = layout.to_list(&estimate.theta, asked.form);
         let mut rest = list.as_slice();
         for block in layout.blocks() {
             let rotation = matches!(block.kind, cfpose::theta::BlockKind::Rotation);
-            let (part, tail) = rest.split_at(block.kind.list_len(loaded.form));
+            let (part, tail) = rest.split_at(block.kind.list_len(asked.form));
             rest = tail;
-            let unit = if rotation && loaded.form == RotationForm::Quaternion { "w x y z" } else { block.unit };
+            let unit = if rotation && asked.form == RotationForm::Quaternion { "w x y z" } else { block.unit };
             let numbers: Vec<String> = part.iter().map(|value| number(*value)).collect();
             let unit = if unit == "1" { String::new() } else { format!(" ({unit})") };
             rows.push(vec![block.name.into(), numbers.join(" ") + &unit]);

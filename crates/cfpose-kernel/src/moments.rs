@@ -3,6 +3,9 @@
 //! For x = A u + b every mean of a monomial of x is a polynomial in (A, b) whose coefficients are the moments of u. The moments are
 //! summed in one pass (additive over shards, constant memory); then residual and Jacobian cost the same for any number of points.
 //!
+//! Moments that come in parts, from files or other machines, are gathered exactly ([`GatheredMoments`]): the same to the last bit in
+//! any order.
+//!
 //! Numerics: u is centred and scaled to unit spread, and the recursion below never forms large powers of A.
 
 use crate::author::Identity;
@@ -12,14 +15,33 @@ use crate::map::{DynMap, Factored, LiftedPoints, Transform};
 use crate::means::{Execution, Side, Sums};
 use crate::points::Points;
 
+mod bytes;
+mod exact;
+mod gathered;
+mod mapped;
 mod path;
+mod recentred;
+mod twofold;
 
+pub use bytes::BytesError;
+pub use gathered::{GatherError, GatheredMoments, MAX_DEGREE};
+pub use mapped::mapped_means;
 pub use path::MomentPath;
 
 /// Return the family of all monomials up to a degree.
 fn monomial_family(degree: usize) -> Polynomial {
     let rows = (0..=degree).map(|n| (0..=n).map(|k| f64::from(u8::from(k == n))).collect()).collect();
     Polynomial::new(rows, Products::Total)
+}
+
+/// List the exponents of all monomials up to a degree: by degree, then lexicographically, the constant first.
+///
+/// ```
+/// use cfpose_kernel::moments::monomials;
+/// assert_eq!(monomials(2, 1), [[0, 0, 0], [0, 1, 0], [1, 0, 0]]);
+/// ```
+pub fn monomials(dim: usize, degree: usize) -> Vec<[usize; 3]> {
+    monomial_family(degree).exponents(dim).to_vec()
 }
 
 /// Moments sum w u^a / sum w of centred, scaled lifted points u = (lifted - centre) / scale.
@@ -112,5 +134,48 @@ impl Moments {
     /// Return the moments (means), ordered by degree, then lexicographically.
     pub fn values(&self) -> Vec<f64> {
         self.sums.iter().map(|sum| sum / self.weight).collect()
+    }
+
+    /// Return the moments up to a lower degree.
+    #[must_use]
+    pub fn up_to(&self, degree: usize) -> Self {
+        let degree = degree.min(self.degree);
+        let sums = self.sums[..gathered::num_moments(self.dim, degree)].to_vec();
+        Self { degree, sums, ..self.clone() }
+    }
+
+    /// Return the number of coordinates.
+    pub fn dim(&self) -> usize {
+        self.dim
+    }
+
+    /// Return the largest degree.
+    pub fn degree(&self) -> usize {
+        self.degree
+    }
+
+    /// Return the total weight.
+    pub fn weight(&self) -> f64 {
+        self.weight
+    }
+
+    /// Return the weighted mean of the points, missing coordinates as 0; the centre below degree 1.
+    pub fn mean(&self) -> [f64; 3] {
+        std::array::from_fn(|k| self.centre[k] + self.scale * self.value_at(&[k]))
+    }
+
+    /// Return the weighted covariance (divided by the total weight), zeros for missing coordinates and below degree 2.
+    pub fn covariance(&self) -> [[f64; 3]; 3] {
+        let entry = |i, j| self.scale.powi(2) * (self.value_at(&[i, j]) - self.value_at(&[i]) * self.value_at(&[j]));
+        std::array::from_fn(|i| std::array::from_fn(|j| if i < self.dim && j < self.dim { entry(i, j) } else { 0.0 }))
+    }
+
+    /// Return the mean of a product of coordinates, 0 where it is not there.
+    fn value_at(&self, factors: &[usize]) -> f64 {
+        let mut exponent = [0; 3];
+        factors.iter().for_each(|k| exponent[*k] += 1);
+        let family = monomial_family(self.degree);
+        let place = family.exponents(self.dim).iter().position(|other| *other == exponent);
+        place.map_or(0.0, |i| self.sums[i] / self.weight)
     }
 }

@@ -9,6 +9,11 @@ use rand_distr::StandardNormal;
 
 use crate::seed::data_stream;
 
+mod letters;
+mod outline;
+
+pub use outline::{file_of, of_picture};
+
 /// Number of points of a curve.
 pub const NUM_POINTS: usize = 3142;
 /// Distance of two parameters t.
@@ -50,7 +55,8 @@ impl NamedEntry for CurveEntry {
 }
 
 /// All curves.
-pub const ALL: &[&CurveEntry] = &[&HEART, &FLOWER, &BUTTERFLY, &BLOB, &FISH, &FOURIER];
+pub const ALL: &[&CurveEntry] =
+    &[&HEART, &FLOWER, &BUTTERFLY, &BLOB, &FISH, &FOURIER, &letters::ENTRY, &outline::ENTRY];
 
 /// Return the 3142 points of the curve `name` or `name[key=value,...]`, largest absolute coordinate `scale`.
 ///
@@ -84,6 +90,31 @@ pub fn placed(spec: &str, scale: f64) -> Result<PlacedCurve, EntryError> {
     let centred = move |p: [f64; 2]| [p[0] - centre[0], p[1] - centre[1]];
     let largest = raw.iter().flat_map(|p| centred(*p)).fold(0.0_f64, |a, b| a.max(b.abs()));
     Ok(Box::new(move |t| centred(curve(t)).map(|x| x * scale / largest)))
+}
+
+/// Return the closed polygon through corners as a curve: t = 0 .. 2 pi runs evenly along its length.
+fn along(corners: &[[f64; 2]]) -> Curve {
+    let count = corners.len();
+    let piece = |k: usize| {
+        let (a, b) = (corners[k], corners[(k + 1) % count]);
+        (b[0] - a[0]).hypot(b[1] - a[1])
+    };
+    // Length up to each corner, and in the end the whole.
+    let ends: Vec<f64> = (0..count)
+        .scan(0.0, |sum, k| {
+            *sum += piece(k);
+            Some(*sum)
+        })
+        .collect();
+    let corners = corners.to_vec();
+    Box::new(move |t| {
+        let walked = t / std::f64::consts::TAU * ends[count - 1];
+        let k = ends.partition_point(|end| *end <= walked).min(count - 1);
+        let begin = if k == 0 { 0.0 } else { ends[k - 1] };
+        let share = (walked - begin) / (ends[k] - begin);
+        let (a, b) = (corners[k], corners[(k + 1) % count]);
+        [a[0] + share * (b[0] - a[0]), a[1] + share * (b[1] - a[1])]
+    })
 }
 
 /// Return the point at radius r and angle t.
@@ -231,6 +262,22 @@ mod tests {
                 }
             }
         }
+    }
+
+    #[test]
+    fn letters_run_evenly_along_their_outline() {
+        for letter in ["F", "G", "J", "K", "L", "R"] {
+            let points = points(&format!("letter[of={letter}]"), 0.45).unwrap();
+            let steps: Vec<f64> = (0..NUM_POINTS)
+                .map(|k| (points[k], points[(k + 1) % NUM_POINTS]))
+                .map(|(a, b)| (b[0] - a[0]).hypot(b[1] - a[1]))
+                .collect();
+            let longest = steps.iter().fold(0.0_f64, |a, b| a.max(*b));
+            // Corners are cut by a part of a step; the rest of the last step is shorter.
+            let even = steps.iter().filter(|step| **step > 0.999 * longest).count();
+            assert!(even > NUM_POINTS - 40 && longest < 0.003, "{letter}: {even}, {longest}");
+        }
+        assert!(points("letter[of=Q]", 1.0).is_err() && points("outline[file=bat.png]", 1.0).is_err());
     }
 
     #[test]

@@ -4,8 +4,12 @@ use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use cfpose::Registry;
+use cfpose::entry::files_of;
+
 use crate::error::LabError;
 use crate::folder::io_error;
+use crate::method::Method;
 use crate::record::DataHashes;
 use crate::scenario::Scenario;
 use crate::seed::fnv1a;
@@ -31,6 +35,24 @@ pub(crate) fn hashes(scenarios: &[Box<dyn Scenario>]) -> Result<Vec<DataHashes>,
             Ok(all)
         })
         .collect()
+}
+
+/// What precedes the names of files that a method reads, not a scenario.
+const OF_METHOD: &str = "weights:";
+
+/// Hash the files that the features of a method name, as the registry holds them.
+pub(crate) fn of_method(registry: &Registry, method: &Method) -> DataHashes {
+    let names = method.features.as_deref().into_iter().flat_map(files_of);
+    let hash =
+        |name: String| Some((format!("{OF_METHOD}{name}"), format!("{:016x}", fnv1a(registry.files.get(&name)?))));
+    names.filter_map(hash).collect()
+}
+
+/// Tell the files of the scenario from those of the method.
+pub(crate) fn parts(data: &DataHashes) -> [DataHashes; 2] {
+    let (method, scenario): (DataHashes, DataHashes) =
+        data.iter().map(|(name, hash)| (name.clone(), hash.clone())).partition(|(name, _)| name.starts_with(OF_METHOD));
+    [scenario, method]
 }
 
 fn hash_of(path: &Path) -> Result<String, LabError> {

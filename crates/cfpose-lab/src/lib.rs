@@ -22,6 +22,7 @@ pub mod figure;
 pub mod folder;
 pub mod group;
 pub mod growth;
+pub mod jobs;
 pub mod lab;
 pub mod merge;
 pub mod method;

@@ -8,6 +8,7 @@ use serde_json::json;
 
 use crate::conditions::condition_tables;
 use crate::config::Experiment;
+use crate::data::parts;
 use crate::error::LabError;
 use crate::folder::lock::FolderLock;
 use crate::folder::{
@@ -109,7 +110,7 @@ pub(crate) fn collect(lab: &Lab, folder: &Path) -> Result<Collected, LabError> {
     let Reader { isa, version, files, .. } = reader;
     let collected =
         Collected { plan, records, origins, isa, version, files, fingerprint: fingerprint.clone(), experiment };
-    collected.same_data(&BTreeMap::new())?;
+    collected.same_data(&BTreeMap::new(), &BTreeMap::new())?;
     Ok(collected)
 }
 
@@ -182,25 +183,45 @@ impl Reader<'_> {
 }
 
 impl Collected {
-    /// Refuse records that were computed from other data than those given for their cell, or than the first record of the cell.
-    pub(crate) fn same_data(&self, given: &BTreeMap<usize, DataHashes>) -> Result<(), LabError> {
-        let mut expected = given.clone();
-        for (origin, record) in self.origins.iter().zip(&self.records) {
-            let expected = expected.entry(origin.cell).or_insert_with(|| record.data.clone());
-            // Older programs wrote no hashes.
-            if *expected != record.data && !record.version.is_empty() {
-                let list =
-                    |data: &DataHashes| data.iter().map(|(name, hash)| format!("{name} {hash}")).collect::<Vec<_>>();
-                return Err(LabError::MixedData {
-                    path: self.files[origin.file].0.clone(),
-                    line: origin.line,
-                    place: self.plan.cells[origin.cell].label(),
-                    expected: list(expected).join(", "),
-                    found: list(&record.data).join(", "),
-                });
-            }
+    /// Refuse records that were computed from other data than those given for their cell, or than the first record of the cell; and
+    /// the same of the files of their method.
+    pub(crate) fn same_data(
+        &self,
+        cells: &BTreeMap<usize, DataHashes>,
+        methods: &BTreeMap<String, DataHashes>,
+    ) -> Result<(), LabError> {
+        let (mut cells, mut methods) = (cells.clone(), methods.clone());
+        // Older programs wrote no hashes.
+        for (origin, record) in self.origins.iter().zip(&self.records).filter(|(_, record)| !record.version.is_empty())
+        {
+            let [of_scenario, of_method] = parts(&record.data);
+            let label = || self.plan.cells[origin.cell].label();
+            let expected = cells.entry(origin.cell).or_insert_with(|| of_scenario.clone());
+            self.same_files(origin, label, expected, &of_scenario)?;
+            let expected = methods.entry(record.method.clone()).or_insert_with(|| of_method.clone());
+            self.same_files(origin, || format!("method {}", record.method), expected, &of_method)?;
         }
         Ok(())
+    }
+
+    fn same_files(
+        &self,
+        origin: &Origin,
+        place: impl Fn() -> String,
+        expected: &DataHashes,
+        found: &DataHashes,
+    ) -> Result<(), LabError> {
+        if expected == found {
+            return Ok(());
+        }
+        let list = |data: &DataHashes| data.iter().map(|(name, hash)| format!("{name} {hash}")).collect::<Vec<_>>();
+        Err(LabError::MixedData {
+            path: self.files[origin.file].0.clone(),
+            line: origin.line,
+            place: place(),
+            expected: list(expected).join(", "),
+            found: list(found).join(", "),
+        })
     }
 }
 

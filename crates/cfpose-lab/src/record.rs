@@ -116,7 +116,7 @@ pub struct Record {
     pub isa: String,
     /// Wall-clock seconds of preparing and solving.
     pub seconds: f64,
-    /// Hash of every file that the scenario read, by name.
+    /// Hash of every file that the scenario read, by name, and of those that the method names, as `weights:NAME`.
     #[serde(skip_serializing_if = "DataHashes::is_empty", default)]
     pub data: DataHashes,
     /// Version of the program that computed the record; empty in records of programs that wrote none.

@@ -42,7 +42,7 @@ impl Source {
     /// Find the file, in `folder`, then in the folder of real data.
     pub(crate) fn path(&self, folder: &Path) -> Option<PathBuf> {
         let Source::File(name) = self else { return None };
-        [folder.join(name), data_folder().join(name)].into_iter().find(|path| path.is_file())
+        find_file(folder, name)
     }
 
     /// Make the shape; a file is looked up in `folder`, then in the folder of real data.
@@ -50,14 +50,7 @@ impl Source {
         match self {
             Source::Seed(seed) => Ok(Shape::Star(Star::new(*seed))),
             Source::File(name) => {
-                let data = data_folder();
-                let path = self.path(folder);
-                let path = path.ok_or_else(|| {
-                    let (name, data) = (name.display(), data.display());
-                    ScenarioError::File(format!(
-                        "shape: there is no file {name} beside the experiment or in {data}; set CFPOSE_DATA to the folder of real data"
-                    ))
-                })?;
+                let path = self.path(folder).ok_or_else(|| no_file("shape", name))?;
                 let mesh = read_mesh(&path).map_err(|error| ScenarioError::File(error.to_string()))?;
                 Surface::new(mesh).map(Shape::Surface).ok_or_else(|| {
                     ScenarioError::File(format!("{}: the points have no extent; give a shape", path.display()))
@@ -70,6 +63,20 @@ impl Source {
 /// Return the folder of real data: `CFPOSE_DATA`, or `../shared/data`.
 fn data_folder() -> PathBuf {
     std::env::var_os("CFPOSE_DATA").map_or_else(|| PathBuf::from("../shared/data"), PathBuf::from)
+}
+
+/// Find a file in `folder`, then in the folder of real data.
+pub(crate) fn find_file(folder: &Path, name: &Path) -> Option<PathBuf> {
+    [folder.join(name), data_folder().join(name)].into_iter().find(|path| path.is_file())
+}
+
+/// Say that a file of a parameter is in neither folder.
+pub(crate) fn no_file(parameter: &str, name: &Path) -> ScenarioError {
+    let (name, data) = (name.display(), data_folder());
+    let data = data.display();
+    ScenarioError::File(format!(
+        "{parameter}: there is no file {name} beside the experiment or in {data}; set CFPOSE_DATA to the folder of real data"
+    ))
 }
 
 /// A shape of radius 1 that points are drawn from.

@@ -13,6 +13,7 @@ use serde_json::Map;
 
 use crate::calibration::estimate_mahalanobis;
 use crate::config::Experiment;
+use crate::data::of_method;
 use crate::lab::Lab;
 use crate::method::{Method, SCENARIO_START};
 use crate::metric::Score;
@@ -163,7 +164,11 @@ impl Bench<'_> {
             message: None,
             isa: self.execution.isa.name().to_string(),
             seconds: 0.0,
-            data: self.data[planned.cell].clone(),
+            data: self.data[planned.cell]
+                .iter()
+                .map(|(name, hash)| (name.clone(), hash.clone()))
+                .chain(of_method(&self.lab.registry, method))
+                .collect(),
             version: VERSION.to_string(),
             checksum: String::new(),
         }

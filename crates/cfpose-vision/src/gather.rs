@@ -30,6 +30,8 @@ pub(crate) struct Gather {
     most: usize,
     organised: bool,
     skipped: usize,
+    /// Points that were taken out already.
+    drained: usize,
     notes: Vec<String>,
 }
 
@@ -44,6 +46,7 @@ impl Gather {
             most: options.max_points.unwrap_or(usize::MAX),
             organised: false,
             skipped: 0,
+            drained: 0,
             notes: Vec::new(),
             layout,
         }
@@ -56,7 +59,7 @@ impl Gather {
 
     /// Return the number of rows so far, those that were skipped with them.
     pub(crate) fn rows(&self) -> usize {
-        self.columns[0].len() + self.skipped
+        self.drained + self.columns[0].len() + self.skipped
     }
 
     /// Take memory for so many rows, which the file is known to hold, and for the padding of their last block.
@@ -93,7 +96,7 @@ impl Gather {
                 return Err(fail(Fault::Weight { column: name.clone(), value: weight }));
             }
         }
-        if self.columns[0].len() >= self.most {
+        if self.drained + self.columns[0].len() >= self.most {
             let advice = "raise --max-points or give a smaller file".to_string();
             return Err(fail(Fault::TooMany { found: None, limit: self.most, advice }));
         }
@@ -123,11 +126,35 @@ impl Gather {
         Ok(())
     }
 
-    /// Make points of the rows.
-    pub(crate) fn finish(mut self) -> Result<PointTable, Flaw> {
-        if self.columns[0].is_empty() {
+    /// Take the rows so far out as points, if there are `least` of them; their normals are forgotten, and so are parts without any weight.
+    pub(crate) fn drain(&mut self, least: usize) -> Result<Option<Points>, Flaw> {
+        let held = self.columns[0].len();
+        if held == 0 || held < least {
+            return Ok(None);
+        }
+        self.drained += held;
+        self.normals.iter_mut().for_each(Vec::clear);
+        let (columns, weights) =
+            (self.columns.iter_mut().map(std::mem::take).collect(), std::mem::take(&mut self.weights));
+        let points = match self.layout.weight {
+            None => Points::from_columns(columns),
+            Some(_) if weights.iter().all(|w| *w == 0.0) => return Ok(None),
+            Some(_) => Points::weighted(columns, weights),
+        };
+        Ok(Some(points.map_err(Fault::from)?))
+    }
+
+    /// End after all rows were taken out; returns how many were skipped, and what a reader should know.
+    pub(crate) fn end(mut self) -> Result<(usize, Vec<String>), Flaw> {
+        if self.drained == 0 {
             return Err(Fault::NoPoints.into());
         }
+        self.say();
+        Ok((self.skipped, self.notes))
+    }
+
+    /// Note what was left out.
+    fn say(&mut self) {
         if self.skipped > 0 {
             let rows = self.rows();
             let how = if self.invalid == Invalid::Missing { "; --invalid refuse makes them an error" } else { "" };
@@ -136,6 +163,14 @@ impl Gather {
         if !self.layout.ignored.is_empty() {
             self.notes.push(format!("columns not read: {}", list(&self.layout.ignored)));
         }
+    }
+
+    /// Make points of the rows.
+    pub(crate) fn finish(mut self) -> Result<PointTable, Flaw> {
+        if self.columns[0].is_empty() {
+            return Err(Fault::NoPoints.into());
+        }
+        self.say();
         let mut columns: Vec<String> = self.layout.coordinates.into_iter().map(|(_, name)| name).collect();
         let points = match self.layout.weight {
             None => Points::from_columns(self.columns),

@@ -27,6 +27,7 @@ mod candidate;
 mod continuous;
 mod estimate;
 mod evaluate;
+pub mod from_moments;
 mod modes;
 mod outliers;
 mod pipeline;

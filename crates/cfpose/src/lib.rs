@@ -7,6 +7,7 @@
 //! * [`family`]: what an author of feature functions writes; [`families`]: the table.
 //! * [`means`]: the hot loop; [`problem`]: residual and Jacobian; [`estimator`]: from names to an estimate.
 //! * [`statistics`], [`distances`]: how sure an estimate is, and what is done about outliers.
+//! * [`from_moments`]: estimates from sums over the points alone, gathered in parts on any machines.
 //! * [`Registry`]: add your own entries and use every tool with them.
 //!
 //! The library opens no file, reads no clock, starts no thread and has no global state.
@@ -32,7 +33,7 @@ mod streams;
 pub use cfpose_kernel::{Attribute, Execution, Isa, Points, PointsError};
 pub use criteria::Criteria;
 pub use error::{Error, Side};
-pub use estimator::{Estimate, Estimator, Prior, PriorReport, Settings, Start, Supervision, Verdict, estimate};
+pub use estimator::{Estimate, Estimator, Prior, PriorReport, Settings, Start, Supervision, Verdict, estimate, from_moments};
 pub use geometry::pose::{Pose, PoseError};
 pub use geometry::{bounds, free, homography, theta};
 pub use registry::Registry;

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use cfpose_kernel::family::{DynFamily, QuadratureBlur};
 use cfpose_kernel::map::{DynMap, LiftedPoints, MapBlock, Transform};
 use cfpose_kernel::means::{Closure, Execution};
-use cfpose_kernel::moments::MomentPath;
+use cfpose_kernel::moments::{MomentPath, Moments};
 use cfpose_kernel::points::{BLOCK, Points, PointsError};
 use cfpose_optim::constraint::Constraints;
 use cfpose_optim::manifold::{Euclidean, Manifold, Product};
@@ -23,6 +23,7 @@ mod noise;
 pub mod normalise;
 mod setup;
 mod sparse;
+mod summed;
 
 pub use crate::model::{DynRows, ResidualRows};
 pub use noise::Noise;
@@ -42,6 +43,8 @@ struct Group {
     moments: Option<Arc<MomentPath>>,
     /// Means of the basis over the target, where they do not move with theta.
     fixed_target: Option<Arc<Vec<f64>>>,
+    /// All that is known of a source whose points are not there.
+    summed: Option<Arc<Moments>>,
 }
 
 /// r(theta) = C (F_p(theta) - F_q(theta)) for each group, weighted, followed by extra rows.
@@ -136,7 +139,7 @@ impl MomentProblem {
             None
         };
         let fixed_target = self.fixed_target(&target);
-        self.groups.push(Group { source, target, moments, fixed_target });
+        self.groups.push(Group { source, target, moments, fixed_target, summed: None });
         self
     }
 
@@ -152,7 +155,7 @@ impl MomentProblem {
     /// Sum over the points at every evaluation even where moments could replace them: for comparisons.
     #[must_use]
     pub fn with_direct_sums(mut self) -> Self {
-        self.groups.iter_mut().for_each(|group| group.moments = None);
+        self.groups.iter_mut().filter(|group| group.summed.is_none()).for_each(|group| group.moments = None);
         self
     }
 

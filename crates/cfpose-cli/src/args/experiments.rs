@@ -62,6 +62,38 @@ pub struct RunArgs {
     pub json: Option<PathBuf>,
 }
 
+/// Arguments of `plan`.
+#[derive(Debug, Args)]
+pub struct PlanArgs {
+    /// Experiment file
+    #[arg(value_name = "EXPERIMENT.toml")]
+    pub experiment: PathBuf,
+    /// Number of parts
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
+    pub shards: u32,
+    /// Engine that runs them
+    #[arg(long, value_name = "slurm|parallel|dask|snakemake")]
+    pub emit: String,
+    /// Folder of the results, out/EXPERIMENT when not given; all machines see it
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
+    /// Folder of the job files, jobs/EXPERIMENT/ENGINE when not given
+    #[arg(long, value_name = "DIR")]
+    pub jobs: Option<PathBuf>,
+    /// Trials of every cell instead of the file's
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    pub trials: Option<u32>,
+    /// Threads of a shard
+    #[arg(long, value_name = "T", default_value_t = 1, value_parser = clap::value_parser!(u16).range(1..=1024))]
+    pub threads: u16,
+    /// Instruction set of all shards, where the machines differ: avx512, avx2 or baseline
+    #[arg(long, value_name = "ISA")]
+    pub isa: Option<String>,
+    /// Write JSON to a file, or to standard output for -
+    #[arg(long, value_name = "FILE|-")]
+    pub json: Option<PathBuf>,
+}
+
 /// Arguments of `learn`.
 #[derive(Debug, Args)]
 pub struct LearnArgs {

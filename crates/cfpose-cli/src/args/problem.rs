@@ -1,6 +1,6 @@
 //! Arguments of what defines a problem, and of the commands that solve and evaluate it.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use cfpose::theta::RotationForm;
@@ -15,11 +15,17 @@ pub struct ProblemArgs {
     #[arg(long, value_name = "M")]
     pub model: String,
     /// Source points P: csv, txt, xyz, ply, obj, stl, pcd, las, npy, ..; - is standard input
-    #[arg(long, value_name = "FILE", allow_hyphen_values = true)]
-    pub source: PathBuf,
+    #[arg(long, value_name = "FILE", allow_hyphen_values = true, required_unless_present = "source_moments")]
+    pub source: Option<PathBuf>,
     /// Target points Q
-    #[arg(long, value_name = "FILE", allow_hyphen_values = true)]
-    pub target: PathBuf,
+    #[arg(long, value_name = "FILE", allow_hyphen_values = true, required_unless_present = "target_moments")]
+    pub target: Option<PathBuf>,
+    /// Instead of source points their moments, as `moments` wrote them; verdict suspect at most
+    #[arg(long, value_name = "FILE.cfm", requires = "target_moments", conflicts_with_all = ["source", "target"])]
+    pub source_moments: Option<PathBuf>,
+    /// Instead of target points their moments
+    #[arg(long, value_name = "FILE.cfm", requires = "source_moments", conflicts_with_all = ["source", "target"])]
+    pub target_moments: Option<PathBuf>,
     #[command(flatten)]
     #[allow(missing_docs)]
     pub reading: ReadingArgs,
@@ -89,6 +95,18 @@ pub struct ProblemArgs {
     /// Write the result as JSON to a file, or to standard output for -
     #[arg(long, value_name = "FILE|-")]
     pub json: Option<PathBuf>,
+}
+
+impl ProblemArgs {
+    /// Return the file of the source: its points, else its moments.
+    pub fn source(&self) -> &Path {
+        self.source.as_deref().or(self.source_moments.as_deref()).unwrap_or(Path::new(""))
+    }
+
+    /// Return the file of the target: its points, else its moments.
+    pub fn target(&self) -> &Path {
+        self.target.as_deref().or(self.target_moments.as_deref()).unwrap_or(Path::new(""))
+    }
 }
 
 /// Arguments of `estimate`.

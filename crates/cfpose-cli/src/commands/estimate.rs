@@ -1,4 +1,6 @@
-//! `cfpose estimate`: two point files to theta.
+//! `cfpose estimate`: two point files, or the moments of two, to theta.
+
+mod from_moments;
 
 use std::path::Path;
 use std::time::Instant;
@@ -14,7 +16,7 @@ use crate::failure::{Failure, Kind};
 use crate::inputs::{self, Loaded};
 use crate::output;
 use crate::progress::Watch;
-use crate::report::{PoseReport, Report};
+use crate::report::{Asked, PoseReport, Report};
 use crate::signals::Signals;
 
 /// Source sets smaller than this get their correspondence reported without being asked.
@@ -29,6 +31,9 @@ pub fn run(args: &EstimateArgs, lab: &Lab) -> Result<(), Failure> {
     let outputs = [&args.problem.json, &args.pose_out, &args.transformed_out, &args.plot];
     let outputs = outputs.map(|path| path.as_deref());
     output::keep_apart(&inputs::named(&args.problem), &outputs)?;
+    if args.problem.source_moments.is_some() {
+        return from_moments::run(args, lab, begun);
+    }
     let loaded = inputs::load(&args.problem, &lab.registry)?;
     check_outputs(args, &loaded)?;
     let signals = Signals::watch();
@@ -40,9 +45,10 @@ pub fn run(args: &EstimateArgs, lab: &Lab) -> Result<(), Failure> {
         .map_err(|error| inputs::name_file(error, &args.problem, loaded.estimator.target()))?;
     drop(watch);
     let correspondence = correspondence(args, &loaded, &estimate);
-    let report = Report::new(&args.problem, &loaded, &estimate, correspondence, begun.elapsed().as_secs_f64());
+    let asked = Asked::of(&loaded, &estimate);
+    let report = Report::new(&args.problem, &asked, &estimate, correspondence, begun.elapsed().as_secs_f64());
     let json = args.problem.json.as_deref();
-    output::show(&report.table(&loaded, &estimate), json)?;
+    output::show(&report.table(&asked, &estimate), json)?;
     output::write_json(&report, json)?;
     if let Some(path) = &args.plot {
         plot(path, args, &loaded, &estimate)?;
@@ -50,6 +56,11 @@ pub fn run(args: &EstimateArgs, lab: &Lab) -> Result<(), Failure> {
     if estimate.usable() {
         write_outputs(args, &loaded, &estimate)?;
     }
+    ended(&signals, &estimate)
+}
+
+/// Say how it ended where there is no usable result or a signal stopped it.
+fn ended(signals: &Signals, estimate: &Estimate) -> Result<(), Failure> {
     if let Some((code, name)) = signals.caught() {
         let text = format!("stopped by {name}: what is printed is the best so far");
         return Err(Failure { kind: Kind::Stopped(code), ..Failure::unusable(text) });
@@ -84,7 +95,7 @@ fn check_outputs(args: &EstimateArgs, loaded: &Loaded) -> Result<(), Failure> {
             "--correspondence=one-to-one takes up to {MAX_ASSIGNED} points, the larger file has {num_points}; use --correspondence"
         )));
     }
-    if args.pose_out.is_some() && PoseReport::of(loaded, &model.identity, None).is_none() {
+    if args.pose_out.is_some() && PoseReport::of(&model.layout, &model.identity, None).is_none() {
         return Err(Failure::usage(format!("--pose-out: model `{name}` has no pose; use --json")));
     }
     if let Some(path) = &args.transformed_out {
@@ -110,7 +121,7 @@ fn check_outputs(args: &EstimateArgs, loaded: &Loaded) -> Result<(), Failure> {
 
 fn write_outputs(args: &EstimateArgs, loaded: &Loaded, estimate: &Estimate) -> Result<(), Failure> {
     if let Some(path) = &args.pose_out
-        && let Some(pose) = inputs::pose(loaded, &estimate.theta, args.problem.depth)
+        && let Some(pose) = inputs::pose(&loaded.estimator.model().layout, &estimate.theta, args.problem.depth)
     {
         write_pose(path, pose)?;
     }
@@ -151,7 +162,7 @@ fn plot(path: &Path, args: &EstimateArgs, loaded: &Loaded, estimate: &Estimate) 
         after.title = format!("after: {}", verdict.name());
     }
     let name = |path: &Path| path.file_name().unwrap_or_default().to_string_lossy().into_owned();
-    let title = format!("{} onto {}, {}", name(&args.problem.source), name(&args.problem.target), args.problem.model);
+    let title = format!("{} onto {}, {}", name(args.problem.source()), name(args.problem.target()), args.problem.model);
     let bytes = if is_png(path)? { overlay_png(&title, &made)? } else { overlay(&title, &made)?.into_bytes() };
     std::fs::write(path, bytes).map_err(|error| Failure::input(format!("{}: {error}", path.display())))
 }

@@ -9,6 +9,8 @@ mod estimate;
 mod evaluate;
 mod learn;
 mod list;
+mod moments;
+mod plan;
 mod pose;
 mod register;
 mod results;
@@ -30,12 +32,14 @@ pub fn run(command: &Command, lab: &Lab) -> Result<(), Failure> {
         Command::Demo(args) => demo::run(args, lab),
         Command::Estimate(args) => estimate::run(args, lab),
         Command::Evaluate(args) => evaluate::run(args, lab),
+        Command::Moments(args) => moments::run(args, lab),
         Command::List(args) => list::run(args, lab),
         Command::Register(args) => register::run(args, lab),
         Command::Segment(args) => segment::run(args),
         Command::Cells(args) => cells::run(args),
         Command::Check(args) => check::run(args, lab),
         Command::Run(args) => run::run(args, lab),
+        Command::Plan(args) => plan::run(args, lab),
         Command::Status(args) => results::status(args, lab),
         Command::Merge(args) => results::merge(args, lab),
         Command::Report(args) => results::report(args, lab),

@@ -89,7 +89,7 @@ pub fn run(args: &RunArgs, lab: &Lab) -> Result<(), Failure> {
 }
 
 /// Return the lab with the contents of the weight files that the methods of an experiment name, relative to its folder.
-fn with_weights(lab: &Lab, path: &Path) -> Result<Lab, Failure> {
+pub(super) fn with_weights(lab: &Lab, path: &Path) -> Result<Lab, Failure> {
     // Whatever is wrong with the file itself is said when it is read as an experiment.
     let text = std::fs::read_to_string(path).unwrap_or_default();
     let table: toml::Table = toml::from_str(&text).unwrap_or_default();

@@ -28,7 +28,7 @@ fn read_file(path: &Path, options: &ReadOptions) -> Result<PointFile, Failure> {
 
 /// Read source and target with the flags of reading.
 pub(super) fn read_both(args: &ProblemArgs) -> Result<[PointFile; 2], Failure> {
-    let paths = [&args.source, &args.target];
+    let paths = [args.source(), args.target()];
     if paths.iter().all(|path| path.as_os_str() == "-") {
         return Err(Failure::usage("--source and --target are both standard input; name a file for one of them"));
     }
@@ -77,7 +77,7 @@ fn prepare(file: &mut PointFile, reading: &ReadingArgs) -> Result<(), String> {
 }
 
 /// Return what the flags of reading say.
-fn read_options(reading: &ReadingArgs) -> ReadOptions {
+pub fn read_options(reading: &ReadingArgs) -> ReadOptions {
     ReadOptions {
         columns: reading.columns.clone(),
         weight_column: reading.weight_column.clone(),

@@ -98,6 +98,11 @@ impl Polynomial {
         self
     }
 
+    /// Return for each basis monomial its parent and the coordinate that the parent is multiplied by; nothing stands for the constant.
+    pub(crate) fn parents(&self, dim: usize) -> &[(usize, usize)] {
+        &self.tables[dim - 1].parents
+    }
+
     /// Return the exponents of the basis monomials in `dim` dimensions, the constant first.
     pub fn exponents(&self, dim: usize) -> &[[usize; 3]] {
         &self.tables[dim - 1].exponents

@@ -82,16 +82,31 @@ impl MomentPath {
         points: &LiftedPoints,
         execution: &Execution,
     ) -> Option<Self> {
+        let (lift_len, degree) = Self::applies(map, family_monomials?)?;
+        if points.columns.len() != lift_len {
+            return None;
+        }
+        Self::of_moments(map, family_monomials?, &Moments::of_lifted(points, degree, execution))
+    }
+
+    /// Take the lifted length and the degree of a path that model side and family allow.
+    fn applies(map: &dyn DynMap, exponents: &[[usize; 3]]) -> Option<(usize, usize)> {
         let facts = map.factored()?;
-        let exponents = family_monomials?;
-        let lift_len = facts.lift_len;
-        if !facts.identity_projection || lift_len > 3 || facts.rows != map.dim() || facts.has_density {
+        if !facts.identity_projection || facts.lift_len > 3 || facts.rows != map.dim() || facts.has_density {
             return None;
         }
         let degree = exponents.iter().map(|e| e.iter().sum::<usize>()).max()?;
-        if degree > MAX_DEGREE || exponents[0] != [0; 3] {
+        (degree <= MAX_DEGREE && exponents[0] == [0; 3]).then_some((facts.lift_len, degree))
+    }
+
+    /// Make the path of moments that are there already, of the lifted points; `None` as in [`MomentPath::new`] and where the family
+    /// has a higher degree than the moments.
+    pub fn of_moments(map: &dyn DynMap, exponents: &[[usize; 3]], moments: &Moments) -> Option<Self> {
+        let (lift_len, degree) = Self::applies(map, exponents)?;
+        if moments.dim != lift_len || moments.degree < degree {
             return None;
         }
+        let moments = moments.up_to(degree);
         let place = |e: &[usize; 3]| exponents.iter().position(|other| other == e);
         let (mut terms, mut starts) = (Vec::new(), vec![0]);
         for e in exponents {
@@ -102,7 +117,6 @@ impl MomentPath {
             }
             starts.push(terms.len());
         }
-        let moments = Moments::of_lifted(points, degree, execution);
         let (exponent_rows, count) = moment_rows(lift_len, degree);
         let width = if degree < 8 { 8 } else { 16 };
         let find = |row: [usize; 2]| exponent_rows.iter().position(|other| *other == row).unwrap_or(0);

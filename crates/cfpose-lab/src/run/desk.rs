@@ -3,12 +3,14 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use crate::config::Experiment;
+use crate::data::of_method;
 use crate::error::LabError;
 use crate::folder::lock::{FileLock, FolderLock};
 use crate::folder::{self, Appender, EARLIER, EXPERIMENT, earlier, trials_name, write_whole};
 use crate::growth::grows;
 use crate::lab::Lab;
 use crate::merge::{collect, same_experiment, same_isa, same_version};
+use crate::method::Method;
 use crate::plan::Plan;
 use crate::record::{DataHashes, Record, VERSION};
 use crate::run::RunOptions;
@@ -56,7 +58,8 @@ impl Desk<'_> {
             let cells = self.plan.cells.iter().zip(data);
             let given: BTreeMap<usize, DataHashes> =
                 cells.filter_map(|(cell, data)| Some((number(cell.label())?, data.clone()))).collect();
-            there.same_data(&given)?;
+            let of_method = |method: &Method| (method.name.clone(), of_method(&self.lab.registry, method));
+            there.same_data(&given, &self.experiment.methods.iter().map(of_method).collect())?;
         }
         let positions = self.plan.shard(self.options.shard);
         let mine: BTreeSet<String> = positions.iter().map(|trial| format!("{:016x}", trial.key)).collect();

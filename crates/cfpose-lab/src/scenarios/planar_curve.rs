@@ -1,5 +1,7 @@
 //! The paper's simulation (section IV.C): one planar curve in two images.
 
+use std::path::{Path, PathBuf};
+
 use cfpose::entry::{EntryError, ParameterSpec, Parameters};
 use cfpose::theta::{Layout, RotationForm, rotation_of_euler};
 use cfpose::{Points, Pose, Side};
@@ -10,6 +12,7 @@ use rand_distr::StandardNormal;
 use crate::curves;
 use crate::sampling::{add_uniform, shuffle};
 use crate::scenario::{Scenario, ScenarioEntry, ScenarioError, Success, Trial};
+use crate::shapes::{find_file, no_file};
 
 mod theta;
 
@@ -30,7 +33,12 @@ const THRESHOLD: f64 = 0.1;
 ///    a fifth about its centre;
 /// 6. with `order = shuffled`: the permutation of the target (Fisher-Yates from the end), then that of the source.
 struct PlanarCurve {
+    /// The curve; of a file empty until [`Scenario::load`] has read it.
     source: Vec<[f64; 2]>,
+    /// The file of an outline, as it is named, then where it was found.
+    file: Option<PathBuf>,
+    found: Option<PathBuf>,
+    scale: f64,
     theta: Theta,
     has_start: bool,
     is_shuffled: bool,
@@ -49,8 +57,15 @@ impl PlanarCurve {
             "none" => None,
             _ => Some(parameters.number("b_m", "`none` or a number above 0", |v| v > 0.0)?),
         };
+        let file = curves::file_of(parameters.text("curve"))?;
         Ok(Self {
-            source: curves::points(parameters.text("curve"), scale)?,
+            source: match &file {
+                Some(_) => Vec::new(),
+                None => curves::points(parameters.text("curve"), scale)?,
+            },
+            file,
+            found: None,
+            scale,
             theta: Theta::of(parameters)?,
             has_start: parameters.choice("start", &[("guess", true), ("none", false)])?,
             is_shuffled: parameters.choice("order", &[("curve", false), ("shuffled", true)])?,
@@ -100,7 +115,22 @@ impl Scenario for PlanarCurve {
         "plane-bearing"
     }
 
+    fn load(&mut self, folder: &Path) -> Result<(), ScenarioError> {
+        let Some(name) = self.file.as_ref().filter(|_| self.source.is_empty()) else { return Ok(()) };
+        let path = find_file(folder, name).ok_or_else(|| no_file("curve", name))?;
+        self.source = curves::of_picture(&path, self.scale).map_err(ScenarioError::File)?;
+        self.found = Some(path);
+        Ok(())
+    }
+
+    fn files(&self) -> Vec<PathBuf> {
+        self.found.iter().cloned().collect()
+    }
+
     fn trial(&self, rng: &mut ChaCha12Rng) -> Result<Trial, ScenarioError> {
+        if self.source.is_empty() {
+            return Err(ScenarioError::File("curve: its file was not loaded".to_string()));
+        }
         let theta = self.theta.draw(&self.source, rng)?;
         let start = theta.map(|v| v + self.b_i * rng.sample::<f64, _>(StandardNormal));
         let mut image = self.image(&theta, rng)?;
@@ -132,7 +162,7 @@ pub(super) const ENTRY: ScenarioEntry = ScenarioEntry {
         ParameterSpec {
             name: "curve",
             default: "heart",
-            meaning: "heart, flower, butterfly, blob, fish or fourier[seed=K]",
+            meaning: "heart, flower, butterfly, blob, fish, fourier[seed=K], letter[of=F] or outline[file=..] (a silhouette)",
         },
         ParameterSpec { name: "scale", default: "0.45", meaning: "largest absolute coordinate of the curve, > 0" },
         ParameterSpec {

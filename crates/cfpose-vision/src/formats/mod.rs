@@ -2,12 +2,12 @@
 
 mod las;
 mod mask;
-mod numpy;
+pub(crate) mod numpy;
 pub(crate) mod obj;
 mod pcd;
 pub(crate) mod ply;
 pub(crate) mod stl;
-mod text;
+pub(crate) mod text;
 
 use cfpose::Points;
 

@@ -21,7 +21,10 @@ impl MomentProblem {
         let (model_theta, nuisance) = self.split(&lifted);
         let mut rows = Vec::with_capacity(self.num_feature_rows());
         for group in &self.groups {
-            let mut source = self.hyper_means(self.model.source.as_ref(), &group.source, model_theta);
+            let mut source = match &group.summed {
+                Some(moments) => self.hyper_of_moments(moments, model_theta),
+                None => self.hyper_means(self.model.source.as_ref(), &group.source, model_theta),
+            };
             self.noise.blur_hyper(self.family.as_ref(), self.model.dim(), &self.transform, nuisance, &mut source);
             let target = match &group.fixed_target {
                 Some(values) => values.iter().map(|value| HyperDual64::from(*value)).collect(),

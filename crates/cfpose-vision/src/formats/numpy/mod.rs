@@ -88,9 +88,22 @@ fn several(arrays: &[(String, Array)], names: &[String], options: &ReadOptions) 
 
 /// Make points of one array.
 fn table(array: &Array, options: &ReadOptions, notes: Vec<String>) -> Result<PointTable, Flaw> {
+    let layout = layout(array, options)?;
+    let rows = array.rows()?;
+    let mut gather = Gather::new(layout, options);
+    gather.reserve(rows.min(options.max_points.unwrap_or(rows)));
+    notes.into_iter().for_each(|note| gather.note(note));
+    for row in 0..rows {
+        gather.push(Place::Row(row + 1), |column, _| array.value(row, column))?;
+    }
+    gather.finish()
+}
+
+/// Choose the columns of an array.
+fn layout(array: &Array, options: &ReadOptions) -> Result<Layout, Flaw> {
     let header = &array.header;
     let columns = array.columns()?;
-    let layout = match header.fields[0].name.is_empty() {
+    Ok(match header.fields[0].name.is_empty() {
         true if columns > 3 && header.rows < 4 && options.columns.is_empty() => {
             return Err(header.refuse_shape(TRANSPOSE).into());
         }
@@ -102,15 +115,61 @@ fn table(array: &Array, options: &ReadOptions, notes: Vec<String>) -> Result<Poi
             let names: Vec<String> = header.fields.iter().map(|field| field.name.clone()).collect();
             Layout::by_name(&names, options, |_| true)?
         }
-    };
-    let rows = array.rows()?;
-    let mut gather = Gather::new(layout, options);
-    gather.reserve(rows.min(options.max_points.unwrap_or(rows)));
-    notes.into_iter().for_each(|note| gather.note(note));
-    for row in 0..rows {
-        gather.push(Place::Row(row + 1), |column, _| array.value(row, column))?;
+    })
+}
+
+/// Reads an array in C order part by part.
+pub(crate) struct ArrayReader {
+    header: Header,
+    gather: Gather,
+    row: u64,
+}
+
+impl ArrayReader {
+    /// Take the header, without data; `None` where rows are not consecutive.
+    pub(crate) fn new(head: &[u8], options: &ReadOptions) -> Result<Option<Self>, Flaw> {
+        let array = Array::parse(head)?;
+        let layout = layout(&array, options)?;
+        if array.header.fortran && array.header.columns > 1 {
+            return Ok(None);
+        }
+        Ok(Some(Self { header: array.header, gather: Gather::new(layout, options), row: 0 }))
     }
-    gather.finish()
+
+    /// Return the bytes of a row.
+    pub(crate) fn stride(&self) -> usize {
+        self.header.item.max(1).saturating_mul(self.header.columns)
+    }
+
+    /// Return the number of rows that are still to come.
+    pub(crate) fn left(&self) -> u64 {
+        self.header.rows - self.row
+    }
+
+    /// Read whole rows, at most as many as are to come, and take them out as points.
+    pub(crate) fn rows(&mut self, data: &[u8]) -> Result<Option<Points>, Flaw> {
+        let count = data.len() / self.stride();
+        let header = Header { rows: count as u64, fortran: false, ..self.header.clone() };
+        let array = Array { header, data };
+        for row in 0..count {
+            let at = Place::Row(usize::try_from(self.row).unwrap_or(usize::MAX).saturating_add(row + 1));
+            self.gather.push(at, |column, _| array.value(row, column))?;
+        }
+        self.row += count as u64;
+        self.gather.drain(1)
+    }
+
+    /// End after the last row.
+    pub(crate) fn end(self, trailing: usize) -> Result<(usize, Vec<String>), Flaw> {
+        if self.row < self.header.rows {
+            let (claimed, held) = (self.header.rows.to_string(), self.row.to_string());
+            return Err(Fault::Claims { what: "rows".into(), claimed, held }.into());
+        }
+        match trailing {
+            0 => self.gather.end(),
+            found => Err(Fault::Trailing { found }.into()),
+        }
+    }
 }
 
 /// An array and its data.

@@ -33,36 +33,74 @@ pub(super) fn read_pts(bytes: &[u8], options: &ReadOptions) -> Result<PointTable
 
 fn read_rows(bytes: &[u8], options: &ReadOptions, pts: bool) -> Result<PointTable, Flaw> {
     let bytes = with_line_feeds(bytes)?;
-    let mut head = Head::default();
-    let mut table: Option<Table> = None;
+    let mut rows = RowReader { pts, ..RowReader::new(options) };
     for (line, text) in Lines::new(&bytes) {
-        let (content, remark) = uncomment(&text);
+        rows.push(line, &text)?;
+    }
+    rows.table()?.finish()
+}
+
+/// Reads one line after the other; the rows so far may be taken out.
+pub(crate) struct RowReader<'a> {
+    head: Head,
+    table: Option<Table>,
+    options: &'a ReadOptions,
+    pts: bool,
+}
+
+impl<'a> RowReader<'a> {
+    /// Begin above the first line.
+    pub(crate) fn new(options: &'a ReadOptions) -> Self {
+        Self { head: Head::default(), table: None, options, pts: false }
+    }
+
+    /// Read a line without its end; lines count from 1.
+    pub(crate) fn push(&mut self, line: usize, text: &str) -> Result<(), Flaw> {
+        let (content, remark) = uncomment(text);
         if content.trim().is_empty() {
-            if table.is_none() && !remark.trim().is_empty() {
-                head.comment = Some(remark.to_string());
+            if self.table.is_none() && !remark.trim().is_empty() {
+                self.head.comment = Some(remark.to_string());
             }
-            continue;
+            return Ok(());
         }
-        match &mut table {
-            Some(table) => table.push(line, content)?,
-            None if head.takes(line, content)? => {}
-            None => {
-                let mut first = head.table(line, content, options, pts)?;
-                first.push(line, content)?;
-                table = Some(first);
-            }
+        match &mut self.table {
+            Some(table) => table.push(line, content),
+            None if self.head.takes(line, content)? => Ok(()),
+            None => self.begin(line, content),
         }
     }
-    if table.is_none()
-        && let Some((line, number)) = head.number.take()
-    {
-        // One row of one number is a point.
-        let text = number.to_string();
-        let mut first = head.table(line, &text, options, pts)?;
-        first.push(line, &text)?;
-        table = Some(first);
+
+    fn begin(&mut self, line: usize, content: &str) -> Result<(), Flaw> {
+        let mut first = self.head.table(line, content, self.options, self.pts)?;
+        first.push(line, content)?;
+        self.table = Some(first);
+        Ok(())
     }
-    table.map_or_else(|| Err(Fault::NoPoints.into()), Table::finish)
+
+    /// Take the rows so far out, if there are so many.
+    pub(crate) fn drain(&mut self, least: usize) -> Result<Option<Points>, Flaw> {
+        self.table.as_mut().map_or(Ok(None), |table| table.gather.drain(least))
+    }
+
+    /// Return the table after the last line.
+    fn table(mut self) -> Result<Table, Flaw> {
+        if self.table.is_none()
+            && let Some((line, number)) = self.head.number.take()
+        {
+            // One row of one number is a point.
+            self.begin(line, &number.to_string())?;
+        }
+        self.table.ok_or_else(|| Fault::NoPoints.into())
+    }
+
+    /// End after the last line: the points that were not taken out yet, how many rows were skipped, notes.
+    pub(crate) fn end(self) -> Result<(Option<Points>, usize, Vec<String>), Flaw> {
+        let mut table = self.table()?;
+        table.check_claim()?;
+        let last = table.gather.drain(1)?;
+        let (skipped, notes) = table.gather.end()?;
+        Ok((last, skipped, notes))
+    }
 }
 
 /// Split a line into what counts and the comment.
@@ -164,15 +202,20 @@ impl Table {
         Fault::Extra { what: "rows".into(), claimed }
     }
 
-    fn finish(self) -> Result<PointTable, Flaw> {
+    fn check_claim(&self) -> Result<(), Flaw> {
         let held = self.gather.rows() as u64;
         match self.claimed.filter(|claimed| *claimed != held) {
             Some(claimed) => {
                 let (claimed, held) = (claimed.to_string(), held.to_string());
                 Err(Fault::Claims { what: "rows".into(), claimed, held }.into())
             }
-            None => self.gather.finish(),
+            None => Ok(()),
         }
+    }
+
+    fn finish(self) -> Result<PointTable, Flaw> {
+        self.check_claim()?;
+        self.gather.finish()
     }
 }
 
