@@ -4,6 +4,7 @@
 //! [`Registrar::register`] runs all stages; each of them can be called alone: [`Registrar::by_moments`], [`Registrar::by_contour`],
 //! [`Registrar::quality`].
 
+mod backward;
 mod bend;
 mod edges;
 mod fit;
@@ -11,6 +12,7 @@ mod hunt;
 mod mapper;
 mod moments;
 mod pattern;
+mod predicted;
 mod problem;
 mod quality;
 mod registrar;

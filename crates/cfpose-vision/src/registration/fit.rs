@@ -7,6 +7,7 @@ use cfpose_optim::{Control, Manifold, Solver, Stopping};
 
 use super::mapper::Mapped;
 use super::pattern::Pattern;
+use super::predicted::Blur;
 use super::problem::EdgeProblem;
 use super::registrar::{Outlined, Registrar};
 use super::view::View;
@@ -27,6 +28,9 @@ const REST: f64 = 1e-6;
 
 /// Steps with edges that the blur's shift was taken from.
 const UNBENT_STEPS: usize = 3;
+
+/// Steps with edges that the mapped and blurred reference's were taken from.
+const BLURRED_STEPS: usize = 3;
 
 /// How far the search goes, pixels, and how often each distance is used.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -136,6 +140,29 @@ impl Registrar {
             theta = step(outlined, &manifold, &found, &theta, view.camera.focal(), LEAST_SCALE[1])?;
         }
         theta.iter().all(|value| value.is_finite()).then_some(ContourFit { theta, steps })
+    }
+
+    /// Fit once more with the edges where they would be without the frame's blur: the search's distances on the mapped reference, blurred
+    /// alike, are taken off. `None` where the blur is not found.
+    pub(super) fn fit_blurred(
+        &self,
+        outlined: &Outlined,
+        pattern: &Pattern,
+        view: &View,
+        theta: &[f64],
+        deviation: f64,
+    ) -> Option<ContourFit> {
+        let manifold: Arc<dyn Manifold> = self.manifold_at(theta);
+        let mut theta = theta.to_vec();
+        let mut blur = Blur::round((deviation * deviation - 0.6).max(0.0));
+        for _ in 0..BLURRED_STEPS {
+            let mut found = self.search(outlined, view, &theta, 3.0)?;
+            blur = self.blur_of(pattern, view, &theta, &found, blur)?;
+            let expected = self.expected_distances(outlined, pattern, view, &theta, &found, blur)?;
+            found.move_by(&expected.iter().map(|d| if d.is_nan() { 0.0 } else { -d }).collect::<Vec<_>>(), view);
+            theta = step(outlined, &manifold, &found, &theta, view.camera.focal(), LEAST_SCALE[1])?;
+        }
+        theta.iter().all(|value| value.is_finite()).then_some(ContourFit { theta, steps: BLURRED_STEPS })
     }
 
     /// Search the edges of a contour at a theta.

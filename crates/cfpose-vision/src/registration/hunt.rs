@@ -13,6 +13,10 @@ const MOMENT_STARTS: usize = 12;
 /// Disturbed starts of the contour.
 const CONTOUR_STARTS: usize = 240;
 
+/// Share of the blur by which regions differ along the boundary, and the blur of a sharp image, pixels.
+const BLURRED: f64 = 0.25;
+const SHARP: f64 = 0.9;
+
 /// The state of a search for a theta.
 pub(super) struct Hunt<'a> {
     registrar: &'a Registrar,
@@ -29,9 +33,12 @@ pub(super) struct Hunt<'a> {
 pub(super) fn accepts(pattern: &Pattern, view: &View, quality: &Quality) -> bool {
     // Of normal distances the median is .67 deviations; blur bends edges, and hidden parts end in corners.
     let crisp = |more: f64| quality.median < more + 0.02 * quality.blur.powi(2) + 0.9 * quality.expected;
-    let complete = quality.share > 0.93 && quality.frame_explained > 0.975 && quality.reference_explained > 0.975;
     // Noise of the coverage near the boundary makes regions differ.
     let boundary = pattern.outline.spacing * pattern.outline.places.len() as f64;
+    // So does blur, which the mapped reference does not have.
+    let blurred = BLURRED * (quality.blur - SHARP).max(0.0) * boundary / pattern.area;
+    let both = quality.frame_explained.min(quality.reference_explained);
+    let complete = quality.share > 0.93 && both > 0.975 - blurred;
     let slack = view.noise * 2.0 * boundary / pattern.area;
     let partly = quality.share > 0.45 && quality.one_sided() > 0.9972 - slack;
     (complete && crisp(0.04)) || (partly && crisp(0.01))

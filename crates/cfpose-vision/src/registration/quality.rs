@@ -1,9 +1,9 @@
 //! How well a theta explains a frame.
 
+use super::backward::Backward;
 use super::pattern::Pattern;
 use super::registrar::{Outlined, Registrar};
 use super::view::View;
-use cfpose::homography::{apply, in_file_units};
 use cfpose_optim::manifold::determinant3;
 
 /// Edges within this distance belong to the contour, pixels.
@@ -96,15 +96,7 @@ impl Registrar {
 
     /// Return the share of the frame's region that the mapped reference explains, and the other way, where the frame shows anything.
     fn overlap(&self, pattern: &Pattern, view: &View, theta: &[f64]) -> Option<[f64; 2]> {
-        let matrix = (self.homography)(theta);
-        // Places of the frame back to the reference.
-        let inverse = invert(&matrix)?;
-        let plain = [&pattern.camera, &view.camera].iter().all(|camera| camera.lens() == crate::camera::Lens::None);
-        let pixels = plain.then(|| {
-            let (source, target) = (pattern.camera.intrinsics(), view.camera.intrinsics());
-            in_file_units(&inverse, Some(&target), Some(&source))
-        });
-        let direct = pixels.flatten();
+        let backward = Backward::new(&(self.homography)(theta), pattern, view)?;
         let (mut both, mut frame, mut reference) = (0.0, 0.0, 0.0);
         let (w, h) = (view.field.width(), view.field.height());
         for y in (4..h.saturating_sub(4)).step_by(STRIDE) {
@@ -113,13 +105,7 @@ impl Registrar {
                 if seen.is_nan() {
                     continue;
                 }
-                let place = match &direct {
-                    Some(matrix) => apply(matrix, [x as f64, y as f64]),
-                    None => {
-                        let Some(place) = view.camera.place_of([x as f64, y as f64]) else { continue };
-                        pattern.camera.pixel_of(apply(&inverse, place))
-                    }
-                };
+                let Some(place) = backward.at([x as f64, y as f64]) else { continue };
                 let mapped = pattern.coverage.sample(place[0], place[1]).unwrap_or(0.0);
                 both += seen.min(mapped);
                 frame += seen;

@@ -26,6 +26,9 @@ const FAMILIES: [&str; 3] = [
 /// Standard deviation of an edge from which a frame is smoothed for the last fit, pixels.
 const NOISY: f64 = 0.08;
 
+/// Standard deviation of the blur from which the last fit compares with the blurred reference, pixels.
+const BLURRED: f64 = 1.2;
+
 /// Two tilts are two where the tangent step between them is longer than this.
 const SAME: f64 = 0.03;
 
@@ -200,13 +203,24 @@ impl Registrar {
             let fit = self.fit_outline(outlined, &smoothed, &theta, Schedule::LAST);
             if let Some(fit) = fit.filter(|fit| self.is_plausible(pattern, &fit.theta)) {
                 let quality = self.quality_of(outlined, pattern, &smoothed, &fit.theta);
-                let covariance = self.covariance(outlined, pattern, &smoothed, &fit.theta, &quality);
+                let fit = self.unblurred(outlined, pattern, &smoothed, fit.theta, &quality);
+                let covariance = self.covariance(outlined, pattern, &smoothed, &fit, &quality);
                 let most = 0.04 + 0.01 * quality.blur.powi(2) + 0.9 * quality.expected;
-                return (fit.theta, covariance, quality.median < most);
+                return (fit, covariance, quality.median < most);
             }
         }
+        let theta = self.unblurred(outlined, pattern, view, theta, quality);
         let covariance = self.covariance(outlined, pattern, view, &theta, quality);
         (theta, covariance, true)
+    }
+
+    /// Take the shifts of the edges by a considerable blur off.
+    fn unblurred(&self, outlined: &Outlined, pattern: &Pattern, view: &View, theta: Vec<f64>, quality: &Quality) -> Vec<f64> {
+        if quality.blur < BLURRED {
+            return theta;
+        }
+        let fit = self.fit_blurred(outlined, pattern, view, &theta, quality.blur);
+        fit.map(|fit| fit.theta).filter(|fit| self.is_plausible(pattern, fit)).unwrap_or(theta)
     }
 
     /// Fit the other thetas that the model implies; the best of all comes first.

@@ -27,6 +27,8 @@ pub struct View {
     pub area: f64,
     /// Standard deviation of the coverage by noise.
     pub noise: f64,
+    /// The same of one pixel before any smoothing.
+    pub pixel_noise: f64,
     /// Points, coarse and fine, as [`super::Pattern::points`].
     pub points: [Points; 2],
     /// What the frame can show, and the points that count as far as they are seen; none where the region ends within the frame and nothing
@@ -74,6 +76,7 @@ impl View {
             camera,
             area,
             noise: f64::from(segmentation.noise),
+            pixel_noise: f64::from(segmentation.noise),
             points,
             partly,
             hidden: hidden.is_some(),
@@ -88,7 +91,13 @@ impl View {
         // White noise under a Gaussian s: 1 / (2 sqrt(pi) s) of its deviation, alike over 2 sqrt(pi) s along a line.
         let kept = 0.282 / deviation;
         let field = self.unbounded.gaussian(deviation);
-        Self { field, noise: self.noise * kept.min(1.0), alike: (3.54 * deviation).max(self.alike), ..self.clone() }
+        let (noise, alike) = (self.noise * kept.min(1.0), (3.54 * deviation).max(self.alike));
+        Self { unbounded: field.clone(), field, noise, alike, ..self.clone() }
+    }
+
+    /// Return the field of profiles across the contour: not cut off at 0 and 1.
+    pub(super) fn profiles(&self) -> &Raster {
+        &self.unbounded
     }
 }
 

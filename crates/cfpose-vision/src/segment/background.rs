@@ -122,9 +122,13 @@ fn rounds(samples: &[(f64, f64, f64)], begin: Surface) -> Option<Surface> {
     Some(found)
 }
 
-/// Fit the background's pixels that are away from the pattern, as a correction of a reflectance.
+/// Distance from the pattern within which blur may darken the background, pixels.
+const DARKENED: usize = 10;
+
+/// Fit the background's pixels that are away from the pattern, as a correction of a reflectance. Both rasters are smoothed: a choice of
+/// pixels by their own noise would shift the mean of those that are chosen.
 pub fn refit(reflectance: &Raster, light: &Raster, mask: &Mask, clipped: f32) -> Option<Surface> {
-    let counts = counts(mask, 3);
+    let counts = counts(mask, DARKENED);
     let mut samples = Vec::new();
     let (w, h) = (reflectance.width(), reflectance.height());
     let step = ((w * h) as f64 / 6000.0).sqrt().ceil().max(1.0) as usize;
