@@ -6,6 +6,7 @@
 mod background;
 mod histogram;
 mod labels;
+pub(crate) mod sparse;
 
 use crate::options::Foreground;
 use crate::raster::Raster;

@@ -1,11 +1,12 @@
 //! Sequences of 60 frames along a smooth path, registered one after the other from the pose before.
 
+use std::sync::Arc;
 use std::time::Instant;
 
 use cfpose::Registry;
 use cfpose::homography::{apply, in_file_units};
 use cfpose_optim::manifold::rotation_exp;
-use cfpose_vision::registration::{Pattern, Registrar, View};
+use cfpose_vision::registration::{Pattern, Registrar};
 use cfpose_vision::{Camera, Exposure, Patch, SegmentOptions, Transfer, render, segment};
 use serde::Serialize;
 
@@ -106,9 +107,9 @@ pub fn measure_sequence(sequence: &RenderedSequence, seed: u64) -> Option<Sequen
         };
         let picture = render(SIZE[0], SIZE[1], &patches, &exposure, &mut rng);
         let begun = Instant::now();
-        let options = SegmentOptions { level: Some(pattern.level), find_others: true, ..SegmentOptions::default() };
-        let view = segment(&picture.light(Transfer::Linear), &options).ok().and_then(|s| View::new(&s, camera).ok());
-        let found = view.and_then(|view| registrar.register(&pattern, &view, last.as_deref(), u64::from(frame)));
+        let light = Arc::new(picture.light(Transfer::Linear));
+        let look = SegmentOptions::default();
+        let found = registrar.follow(&pattern, light, &look, camera, last.as_deref(), u64::from(frame)).ok();
         times.push(begun.elapsed().as_secs_f64());
         let Some(found) = found else {
             errors.push(f64::INFINITY);

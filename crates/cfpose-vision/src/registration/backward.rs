@@ -4,7 +4,7 @@ use cfpose::homography::{apply, in_file_units};
 
 use super::pattern::Pattern;
 use super::quality::invert;
-use super::view::View;
+use super::sight::Sight;
 use crate::camera::{Camera, Lens};
 
 /// The way back under one theta: one homography between pixels where both cameras are without a lens, else through both lenses.
@@ -17,7 +17,7 @@ pub(super) struct Backward {
 
 impl Backward {
     /// Invert the homography between the planes z = 1; `None` where it has no inverse.
-    pub fn new(matrix: &[f64; 9], pattern: &Pattern, view: &View) -> Option<Self> {
+    pub fn new(matrix: &[f64; 9], pattern: &Pattern, view: &Sight) -> Option<Self> {
         let inverse = invert(matrix)?;
         let (reference, frame) = (pattern.camera, view.camera);
         let plain = [&reference, &frame].iter().all(|camera| camera.lens() == Lens::None);

@@ -4,6 +4,7 @@ use super::fit::Schedule;
 use super::pattern::Pattern;
 use super::quality::Quality;
 use super::registrar::{Outlined, Registrar};
+use super::sight::Sight;
 use super::starts::Disturbed;
 use super::view::View;
 
@@ -16,6 +17,10 @@ const CONTOUR_STARTS: usize = 240;
 /// Share of the blur by which regions differ along the boundary, and the blur of a sharp image, pixels.
 const BLURRED: f64 = 0.25;
 const SHARP: f64 = 0.9;
+
+/// Disturbed starts about a theta whose edges are too far, and the ratio of median distances from which another one is nearer.
+const IMPROVED_STARTS: usize = 24;
+const CLEARLY: f64 = 0.9;
 
 /// The state of a search for a theta.
 pub(super) struct Hunt<'a> {
@@ -30,7 +35,7 @@ pub(super) struct Hunt<'a> {
 }
 
 /// Say whether a theta explains a frame: the whole contour and both regions, or a part of the contour and one region wholly.
-pub(super) fn accepts(pattern: &Pattern, view: &View, quality: &Quality) -> bool {
+pub(super) fn accepts(pattern: &Pattern, view: &Sight, quality: &Quality) -> bool {
     // Of normal distances the median is .67 deviations; blur bends edges, and hidden parts end in corners.
     let crisp = |more: f64| quality.median < more + 0.02 * quality.blur.powi(2) + 0.9 * quality.expected;
     // Noise of the coverage near the boundary makes regions differ.
@@ -41,7 +46,11 @@ pub(super) fn accepts(pattern: &Pattern, view: &View, quality: &Quality) -> bool
     let complete = quality.share > 0.93 && both > 0.975 - blurred;
     let slack = view.noise * 2.0 * boundary / pattern.area;
     let partly = quality.share > 0.45 && quality.one_sided() > 0.9972 - slack;
-    (complete && crisp(0.04)) || (partly && crisp(0.01))
+    // Half of the contour and more on all sides of the pattern, between small things that hide the rest.
+    let scattered = quality.share * quality.visible > 0.5 && quality.gap < 0.2 && quality.one_sided() > 0.96;
+    // Nearly the whole contour, and nothing of the pattern missing, whatever else the frame shows.
+    let whole = quality.share * quality.visible > 0.9 && quality.reference_explained > 0.95 && quality.gap < 0.05;
+    (whole && crisp(0.06)) || (complete && crisp(0.04)) || ((partly || scattered) && crisp(0.01))
 }
 
 impl<'a> Hunt<'a> {
@@ -56,6 +65,9 @@ impl<'a> Hunt<'a> {
         if let Some(last) = last
             && self.contour(last, Schedule::TRACK, "last")
         {
+            return;
+        }
+        if self.registrar.given && last.is_none() && self.contour(&identity, Schedule::TRACK, "start") {
             return;
         }
         let begin = last.map_or_else(|| identity.clone(), <[f64]>::to_vec);
@@ -109,6 +121,26 @@ impl<'a> Hunt<'a> {
                 return;
             }
         }
+    }
+
+    /// Look for a theta near the best one whose edges are clearly nearer; say whether one was found.
+    pub fn improve(&mut self, seed: u64) -> bool {
+        let Some((theta, before, _)) = self.best.clone() else { return false };
+        let mut disturbed = Disturbed::new(self.registrar, self.pattern, seed);
+        for k in 0..IMPROVED_STARTS {
+            let start = disturbed.near(&theta, if k % 2 == 0 { 0.7 } else { 1.2 });
+            self.starts += 1;
+            let Some(fit) = self.registrar.fit_outline(self.outlined, self.view, &start, Schedule::FAR) else { continue };
+            if !self.registrar.is_plausible(self.pattern, &fit.theta) {
+                continue;
+            }
+            let quality = self.registrar.quality_of(self.outlined, self.pattern, self.view, &fit.theta);
+            let nearer = self.best.as_ref().is_none_or(|(_, best, _)| quality.median < CLEARLY * best.median);
+            if nearer && quality.share > 0.97 * before.share {
+                self.best = Some((fit.theta, quality, "improved"));
+            }
+        }
+        self.best.as_ref().is_some_and(|(_, best, _)| best.median < before.median)
     }
 
     /// Find a theta by moments and finish it by the contour; say whether it is accepted.

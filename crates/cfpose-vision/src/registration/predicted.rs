@@ -11,6 +11,7 @@ use super::edges::{self, Field};
 use super::fit::Found;
 use super::pattern::Pattern;
 use super::registrar::{Outlined, Registrar};
+use super::sight::Sight;
 use super::view::View;
 use crate::raster::Raster;
 
@@ -58,8 +59,14 @@ impl Blur {
     }
 }
 
+/// The mapped reference around its outline in the frame, sharp.
+pub(super) struct Drawn {
+    sharp: Raster,
+    corner: [f64; 2],
+}
+
 /// The mapped reference under a blur: a Gaussian alike in all directions, and uniform motion along one.
-pub(super) struct Predicted {
+struct Predicted {
     field: Raster,
     corner: [f64; 2],
     /// Places of the path of motion.
@@ -76,28 +83,32 @@ impl Field for Predicted {
     }
 }
 
-impl Predicted {
-    /// Draw the reference under a theta around its outline in the frame.
-    fn new(registrar: &Registrar, pattern: &Pattern, view: &View, theta: &[f64], pixels: &[[f64; 2]], blur: Blur) -> Option<Self> {
-        let (low, high, along) = blur.axes();
-        let margin = LONGEST + 4.0 * high.sqrt() + 4.0;
+impl Drawn {
+    /// Draw the reference under a theta; `pixels` are the places of its outline in the frame.
+    pub fn new(registrar: &Registrar, pattern: &Pattern, sight: &Sight, theta: &[f64], pixels: &[[f64; 2]]) -> Option<Self> {
+        const MARGIN: f64 = 24.0;
         let bounds = |d: usize, most: usize| {
             let of = pixels.iter().map(|p| p[d]).filter(|v| v.is_finite());
             let (least, largest) = of.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), v| (a.min(v), b.max(v)));
-            let inside = |v: f64| v.clamp(-margin, most as f64 + margin);
-            (inside(least - margin).floor(), inside(largest + margin).ceil())
+            let inside = |v: f64| v.clamp(-MARGIN, most as f64 + MARGIN);
+            (inside(least - MARGIN).floor(), inside(largest + MARGIN).ceil())
         };
-        let (left, right) = bounds(0, view.field.width());
-        let (top, bottom) = bounds(1, view.field.height());
+        let (left, right) = bounds(0, sight.field.width());
+        let (top, bottom) = bounds(1, sight.field.height());
         if !(right - left >= 4.0 && bottom - top >= 4.0) {
             return None;
         }
-        let backward = Backward::new(&registrar.homography(theta), pattern, view)?;
+        let backward = Backward::new(&registrar.homography(theta), pattern, sight)?;
         let sharp = Raster::from_fn((right - left) as usize, (bottom - top) as usize, |x, y| {
             let place = backward.at([x as f64 + left, y as f64 + top]);
             place.and_then(|p| pattern.coverage.sample(p[0], p[1])).unwrap_or(0.0) as f32
         });
-        let field = if low > 0.04 { sharp.gaussian(low.sqrt()) } else { sharp };
+        Some(Self { sharp, corner: [left, top] })
+    }
+
+    fn under(&self, blur: Blur) -> Predicted {
+        let (low, high, along) = blur.axes();
+        let field = if low > 0.04 { self.sharp.gaussian(low.sqrt()) } else { self.sharp.clone() };
         // Uniform motion over a length has 1/12 of its square as variance.
         let length = (12.0 * (high - low)).sqrt();
         let half = (0.5 * length / STEP).ceil() as i32;
@@ -108,7 +119,43 @@ impl Predicted {
                 .collect(),
             false => vec![[0.0; 2]],
         };
-        Some(Self { field, corner: [left, top], path })
+        Predicted { field, corner: self.corner, path }
+    }
+
+    /// Return the blur under which the mapped reference has the profiles of the frame.
+    pub fn blur_of(&self, view: &View, found: &Found, begin: Blur) -> Option<Blur> {
+        const ROUNDS: usize = 3;
+        let near: Vec<usize> = (0..found.distances.len()).filter(|i| found.distances[*i].abs() < 1.5).collect();
+        let mut blur = begin;
+        for _ in 0..ROUNDS {
+            let predicted = self.under(blur);
+            let mut rows = Vec::with_capacity(near.len());
+            for i in near.iter().copied() {
+                let (place, normal) = (found.pixels[i], found.across[i]);
+                let variance = blur.along(normal) + OWN;
+                let reach = (2.5 * variance.sqrt() + 1.5).min(LONGEST);
+                let areas = (area(view.profiles(), place, normal, reach), area(&predicted, place, normal, reach));
+                if let (Some(seen), Some(expected)) = areas {
+                    // A step under a Gaussian s leaves an area of s sqrt(2 / pi).
+                    let more = 0.5 * std::f64::consts::PI * (seen * seen - expected * expected);
+                    rows.push((normal, more, variance));
+                }
+            }
+            let change = change(&rows)?;
+            blur = Blur([0, 1, 2].map(|k| blur.0[k] + change[k])).sound();
+        }
+        Some(blur)
+    }
+
+    /// Return how far edges have to be moved along the normals to be where they would be without a blur, pixels; 0 where the search finds
+    /// none on the mapped reference.
+    pub fn shifts(&self, outlined: &Outlined, found: &Found, blur: Blur) -> Vec<f64> {
+        let predicted = self.under(blur);
+        let shift = |i: usize| {
+            let edge = edges::nearest(&predicted, found.pixels[i], found.across[i], 3.0, outlined.levels[i]);
+            edge.map_or(0.0, |edge| -edge.distance)
+        };
+        (0..found.distances.len()).map(|i| if found.pixels[i][0].is_nan() { 0.0 } else { shift(i) }).collect()
     }
 }
 
@@ -122,50 +169,6 @@ fn area(field: &impl Field, place: [f64; 2], normal: [f64; 2], reach: f64) -> Op
         sum += if t < 0.0 { 1.0 - value } else { value };
     }
     Some(sum * STEP)
-}
-
-impl Registrar {
-    /// Return the blur under which the mapped reference has the profiles of the frame.
-    pub(super) fn blur_of(&self, pattern: &Pattern, view: &View, theta: &[f64], found: &Found, begin: Blur) -> Option<Blur> {
-        const ROUNDS: usize = 3;
-        let near: Vec<usize> = (0..found.distances.len()).filter(|i| found.distances[*i].abs() < 1.5).collect();
-        let mut blur = begin;
-        for _ in 0..ROUNDS {
-            let predicted = Predicted::new(self, pattern, view, theta, &found.pixels, blur)?;
-            let mut rows = Vec::with_capacity(near.len());
-            for i in near.iter().copied() {
-                let (place, normal) = (found.pixels[i], found.across[i]);
-                let variance = blur.along(normal) + OWN;
-                let reach = (2.5 * variance.sqrt() + 1.5).min(LONGEST);
-                let areas = (area(view.profiles(), place, normal, reach), area(&predicted, place, normal, reach));
-                if let (Some(seen), Some(expected)) = areas {
-                    // A step under a Gaussian s leaves an area of s sqrt(2 / pi).
-                    let more = 0.5 * std::f64::consts::PI * (seen * seen - expected * expected);
-                    rows.push((normal, more, variance));
-                }
-            }
-            blur = Blur([0, 1, 2].map(|k| blur.0[k] + change(&rows).map_or(0.0, |c| c[k]))).sound();
-        }
-        Some(blur)
-    }
-
-    /// Return how far along the normals the search finds the edges of the mapped reference under a blur, pixels; NaN where it finds none.
-    pub(super) fn expected_distances(
-        &self,
-        outlined: &Outlined,
-        pattern: &Pattern,
-        view: &View,
-        theta: &[f64],
-        found: &Found,
-        blur: Blur,
-    ) -> Option<Vec<f64>> {
-        let predicted = Predicted::new(self, pattern, view, theta, &found.pixels, blur)?;
-        let distance = |i: usize| {
-            let edge = edges::nearest(&predicted, found.pixels[i], found.across[i], 3.0, outlined.levels[i]);
-            edge.map_or(f64::NAN, |edge| edge.distance)
-        };
-        Some((0..found.distances.len()).map(|i| if found.distances[i].is_nan() { f64::NAN } else { distance(i) }).collect())
-    }
 }
 
 /// Variance of the mapped reference's own blur, pixels^2, about.

@@ -8,7 +8,7 @@ use super::pattern::Pattern;
 use super::problem::EdgeProblem;
 use super::quality::Quality;
 use super::registrar::{Outlined, Registrar};
-use super::view::View;
+use super::sight::Sight;
 
 /// Two thetas whose residuals differ by less than this factor are not told apart.
 const APART: f64 = 2.0;
@@ -25,8 +25,9 @@ const ALIKE: f64 = 40.0;
 /// Shift of a blurred edge that is left, per squared deviation of the blur, 1 / pixels.
 const BENT: f64 = 0.0003;
 
-/// Error of the levels of pattern and background, which moves all edges alike, as a share of the noise of one pixel.
-const LEVEL: f64 = 0.1;
+/// Error of the levels of pattern and background, which moves all edges alike, per squared noise of one pixel: pixels are told apart and
+/// cut off at both ends of the scale by values that have the noise in them.
+const LEVEL: f64 = 1.0;
 
 /// Verdict on a frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -80,7 +81,7 @@ impl Registrar {
         &self,
         outlined: &Outlined,
         pattern: &Pattern,
-        view: &View,
+        view: &Sight,
         theta: &[f64],
         quality: &Quality,
     ) -> Vec<f64> {
@@ -100,7 +101,7 @@ impl Registrar {
         }
         let [noise, blur] = [view.alike, ALIKE].map(|pixels| (pixels / pattern.outline.spacing).max(1.0));
         let random = quality.expected.powi(2) * noise + FLOOR.powi(2);
-        let level = LEVEL * view.pixel_noise * quality.blur / STEEPEST;
+        let level = LEVEL * view.pixel_noise.powi(2) * quality.blur / STEEPEST;
         let variance = random + ((BENT * quality.blur.powi(2)).powi(2) + level.powi(2) + view.shift.powi(2)) * blur;
         covariance(rows, m, &jacobian, variance, 1e-10).map_or_else(none, |c| c.matrix)
     }
