@@ -48,6 +48,8 @@ impl Schedule {
     pub const NEAR: Self = Self { reaches: &[8.0, 5.0, 3.0, 3.0], steps: 4, last: 12, unbent: 3 };
     /// From far away, or where parts are hidden.
     pub const FAR: Self = Self { reaches: &[40.0, 25.0, 15.0, 10.0, 7.0, 5.0, 4.0, 3.0], steps: 3, last: 12, unbent: 3 };
+    /// The same with few places, to see whether it leads anywhere.
+    pub const SCREEN: Self = Self { steps: 2, last: 3, unbent: 0, ..Self::FAR };
     /// From another tilt that may fit as well.
     pub const TILT: Self = Self { reaches: &[6.0, 4.0, 3.0, 3.0], steps: 4, last: 12, unbent: 3 };
     /// Where a fit stands that only the field changes under.

@@ -91,7 +91,8 @@ impl Registrar {
         Some(Registered { theta, quality, verdict, covariance, rivals, starts: 1, by: "followed", warnings: Vec::new() })
     }
 
-    fn coarse(&self, pattern: &Pattern) -> Option<Outlined> {
+    /// Return an outline of few places.
+    pub(super) fn coarse(&self, pattern: &Pattern) -> Option<Outlined> {
         let some = |places: &[[f64; 2]]| places.iter().copied().step_by(COARSE).collect::<Vec<_>>();
         let outline = &pattern.outline;
         let levels = outline.levels.iter().copied().step_by(COARSE).collect();

@@ -11,12 +11,18 @@ use super::view::View;
 /// Disturbed starts of the moments.
 const MOMENT_STARTS: usize = 12;
 
-/// Disturbed starts of the contour.
-const CONTOUR_STARTS: usize = 240;
+/// Disturbed starts of the contour, with few places of it.
+const CONTOUR_STARTS: usize = 1000;
+
+/// Share of these places with an edge from which the whole contour is fitted.
+const PROMISING: f64 = 0.4;
 
 /// Share of the blur by which regions differ along the boundary, and the blur of a sharp image, pixels.
 const BLURRED: f64 = 0.25;
 const SHARP: f64 = 0.9;
+
+/// Share of the contour with an edge from which a given start has led to the pattern.
+const NEAR_START: f64 = 0.6;
 
 /// Disturbed starts about a theta whose edges are too far, and the ratio of median distances from which another one is nearer.
 const IMPROVED_STARTS: usize = 24;
@@ -67,8 +73,13 @@ impl<'a> Hunt<'a> {
         {
             return;
         }
-        if self.registrar.given && last.is_none() && self.contour(&identity, Schedule::TRACK, "start") {
-            return;
+        if self.registrar.given && last.is_none() {
+            let accepted = self.contour(&identity, Schedule::TRACK, "start");
+            // Who gives a start knows where the pattern is: periodic ones fit nearly as well elsewhere.
+            let near = self.best.as_ref().is_some_and(|(_, best, _)| best.share * best.visible > NEAR_START);
+            if accepted || near {
+                return;
+            }
         }
         let begin = last.map_or_else(|| identity.clone(), <[f64]>::to_vec);
         let mut disturbed = Disturbed::new(self.registrar, self.pattern, seed);
@@ -103,21 +114,25 @@ impl<'a> Hunt<'a> {
             }
         }
         // Half planes of the reference left out: the moments of the rest tell which part is hidden.
-        for start in self.registrar.by_parts(self.pattern, self.view, &centred) {
-            if self.contour(&start, Schedule::FAR, "parts") {
+        let parts = self.registrar.by_parts(self.pattern, self.view, &centred);
+        for start in &parts {
+            if self.contour(start, Schedule::FAR, "parts") {
                 return;
             }
         }
+        let coarse = self.registrar.coarse(self.pattern);
+        let Some(coarse) = coarse else { return };
         for k in 0..CONTOUR_STARTS {
             let best = self.best.as_ref().map_or_else(|| begin.clone(), |(theta, ..)| theta.clone());
-            let (base, scale) = match k % 4 {
+            let (base, scale) = match k % 5 {
                 0 => (&by_moments, 1.2),
                 1 => (&best, 0.6),
                 2 => (&centred, 1.2),
-                _ => (&begin, 1.2),
+                3 => (&begin, 1.2),
+                _ => (parts.get(k / 5 % parts.len().max(1)).unwrap_or(&begin), 0.8),
             };
             let start = disturbed.near(base, scale);
-            if self.contour(&start, Schedule::FAR, "contour-disturbed") {
+            if self.screened(&coarse, &start, "contour-disturbed") {
                 return;
             }
         }
@@ -151,6 +166,23 @@ impl<'a> Hunt<'a> {
                 self.contour(&theta, Schedule::NEAR, by)
             }
             _ => false,
+        }
+    }
+
+    /// Fit a few places of the contour from a theta, and all of them where that is promising; say whether the result is accepted.
+    fn screened(&mut self, coarse: &Outlined, start: &[f64], by: &'static str) -> bool {
+        let fit = self.registrar.fit_outline(coarse, self.view, start, Schedule::SCREEN);
+        let share = fit.as_ref().and_then(|fit| {
+            let found = self.registrar.search(coarse, self.view, &fit.theta, 3.0)?;
+            let near = found.distances.iter().filter(|distance| distance.abs() < 1.5).count();
+            Some(near as f64 / found.distances.len() as f64)
+        });
+        match fit {
+            Some(fit) if share.is_some_and(|share| share > PROMISING) => self.contour(&fit.theta, Schedule::NEAR, by),
+            _ => {
+                self.starts += 1;
+                false
+            }
         }
     }
 
