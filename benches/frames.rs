@@ -3,11 +3,17 @@
 //! `cargo bench -p cfpose-benches --bench frames`. 1000 frames of 300 points, `rigid3`, preset `auto`, each begun where the last one
 //! ended. Three ways in one run: the estimator is built for every frame; it is built once and solved again; it is built once and
 //! gets the next target. The last column is the time of a frame over that of the first way.
+//!
+//! Then rendered images: the sequences of `cfpose cells`, each frame from the pose before, on one thread, from decoded pixels to theta,
+//! covariance and verdict; the first frame has no start.
 
 use std::hint::black_box;
+use std::sync::Arc;
 use std::time::Instant;
 
 use cfpose::{Estimator, Execution, Points, Registry, Settings, Supervision};
+use cfpose_lab::rendered::{RenderedSequence, SEQUENCES, draw_sequence, prepare_sequence};
+use cfpose_vision::{SegmentOptions, Transfer};
 
 const FRAMES: usize = 1000;
 
@@ -28,7 +34,41 @@ fn frame(rows: &[[f64; 3]], angle: f64) -> Points {
     Points::from_rows(&moved).expect("finite points")
 }
 
+/// Follow a rendered sequence several times; print the time of the first frame and of the others.
+fn images(sequence: &RenderedSequence) -> Option<()> {
+    const ROUNDS: usize = 5;
+    let drawn = draw_sequence(sequence, 1)?;
+    let (registrar, pattern) = prepare_sequence(sequence, &drawn)?;
+    let look = SegmentOptions::default();
+    let (mut first, mut others, mut followed) = (0.0, 0.0, 0usize);
+    for _ in 0..ROUNDS {
+        let mut last: Option<Vec<f64>> = None;
+        for (picture, _) in &drawn.frames {
+            let begun = Instant::now();
+            let light = Arc::new(picture.light(Transfer::Linear));
+            let found = registrar.follow(&pattern, light, &look, drawn.camera, last.as_deref(), 1).ok()?;
+            let seconds = begun.elapsed().as_secs_f64();
+            *if last.is_some() { &mut others } else { &mut first } += seconds;
+            followed += usize::from(found.by == "followed");
+            last = Some(black_box(found).theta);
+        }
+    }
+    let count = ROUNDS * (drawn.frames.len() - 1);
+    let mean = others / count as f64;
+    let name = sequence.name;
+    let share = 100.0 * followed as f64 / count as f64;
+    println!("| {name} | {:.1} | {:.2} | {:.0} | {share:.0} |", 1e3 * first / ROUNDS as f64, 1e3 * mean, 1.0 / mean);
+    Some(())
+}
+
 fn main() -> Result<(), cfpose::Error> {
+    points()?;
+    println!("\n| images | first ms | ms a frame | frames a second | followed % |\n|---|---|---|---|---|");
+    SEQUENCES.iter().for_each(|sequence| images(sequence).expect("the pattern is seen in all frames"));
+    Ok(())
+}
+
+fn points() -> Result<(), cfpose::Error> {
     let (registry, execution, rows) = (Registry::default(), Execution::default(), sheet());
     let source = Points::from_rows(&rows).expect("finite points");
     let still = frame(&rows, 0.1);

@@ -4,6 +4,7 @@ mod beforehand;
 mod cameras;
 mod files;
 mod moments;
+mod raster;
 mod weights;
 
 use std::path::{Path, PathBuf};
@@ -89,7 +90,15 @@ pub fn load(args: &ProblemArgs, registry: &Registry) -> Result<Loaded, Failure> 
         Estimator::new(registry, settings, &source, &target, &execution)
             .map_err(|error| name_file(error, args, &target))
     };
+    let is_raster = args.sampling.given().map_or_else(|| files.iter().all(|f| raster::is_one(&f.points)), |s| s == cfpose::distances::Sampling::Raster);
+    if is_raster && args.pipeline.is_none() {
+        raster::choose(&mut settings, registry);
+    }
     let mut estimator = build(&settings)?;
+    if is_raster && args.pipeline.is_none() && args.preset == "auto" {
+        settings.pipeline = Some(raster::without_points(estimator.pipeline()));
+        estimator = build(&settings)?;
+    }
     if let Some(choice) = args.reflections {
         reflect(&mut settings, &estimator, choice, registry)?;
         estimator = build(&settings)?;

@@ -12,4 +12,6 @@ mod shapes;
 pub use cells::{CELLS, RenderedCell};
 pub use measure::{RenderedRow, RenderedSummary, measure, summarise};
 pub use scene::{Hidden, RenderedTrial, draw, draw_from};
-pub use sequence::{RenderedSequence, SEQUENCES, SequenceSummary, measure_sequence};
+pub use sequence::{
+    DrawnSequence, RenderedSequence, SEQUENCES, SequenceSummary, draw_sequence, measure_sequence, prepare_sequence,
+};

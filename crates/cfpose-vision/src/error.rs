@@ -297,6 +297,12 @@ pub enum Fault {
         /// What is wrong.
         what: String,
     },
+    /// The content is no design.
+    #[error("{what}; give filled shapes of an SVG file with its width in mm, or corners x, y a line with --size")]
+    Design {
+        /// What is wrong.
+        what: String,
+    },
     /// The content is no camera.
     #[error("{what}; give OpenCV (yaml, xml), ROS camera_info, Kalibr, or JSON with fx, fy, cx, cy")]
     Camera {

@@ -46,6 +46,7 @@ mod camera;
 mod columns;
 mod contours;
 mod cursor;
+mod design;
 mod error;
 pub mod formats;
 mod fuzz;
@@ -73,6 +74,7 @@ mod write;
 
 pub use camera::{Camera, Lens, read_camera};
 pub use contours::{Contour, contours_of};
+pub use design::{Design, Shape, is_design, read_design};
 pub use error::{Fault, FileError, Flaw, Place};
 pub use formats::{FORMATS, Format};
 pub use fuzz::fuzz_one;

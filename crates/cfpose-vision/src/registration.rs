@@ -4,24 +4,30 @@
 //! [`Registrar::register`] runs all stages; each of them can be called alone: [`Registrar::by_moments`], [`Registrar::by_contour`],
 //! [`Registrar::quality`].
 
+mod backward;
 mod bend;
 mod edges;
 mod fit;
+mod follow;
 mod hunt;
 mod mapper;
 mod moments;
 mod pattern;
+mod predicted;
 mod problem;
 mod quality;
 mod registrar;
 mod seen;
+mod sight;
 mod starts;
 mod verdict;
 mod view;
 
 pub use fit::{ContourFit, Schedule};
+pub use follow::Missed;
 pub use pattern::{Outline, Pattern};
 pub use quality::Quality;
 pub use registrar::{Registered, Registrar, RegistrarError, Rival};
+pub use sight::{Shown, Sight};
 pub use verdict::FrameVerdict;
 pub use view::View;

@@ -12,6 +12,7 @@ use crate::picture::{Picture, Transfer};
 use crate::raster::Raster;
 
 pub use cover::coverage;
+pub(crate) use cover::winding;
 
 /// A closed polygon of one grey, painted over what is there.
 #[derive(Debug, Clone, PartialEq)]

@@ -6,6 +6,7 @@
 mod background;
 mod histogram;
 mod labels;
+pub(crate) mod sparse;
 
 use crate::options::Foreground;
 use crate::raster::Raster;
@@ -95,9 +96,10 @@ pub fn segment(light: &Raster, options: &SegmentOptions) -> Result<Segmentation,
         Foreground::Bright => false,
         Foreground::Auto => border_is_above(&smooth, plain.threshold),
     };
+    let bright: Vec<bool> = smooth.values().iter().map(|value| *value > 0.94 * CLIPPED).collect();
     let (reflectance, smooth, threshold) = flatten(light, smooth, dark, plain, options)?;
     let mut mask = Mask::of(&smooth, |value| value <= threshold);
-    let first = levels(&reflectance, &mask).ok_or(SegmentError::OneColour)?;
+    let first = levels(&reflectance, &mask, &bright).ok_or(SegmentError::OneColour)?;
     // Once more between the two levels that were found.
     let pattern = options.level.map_or(first[0], |known| nearest_level(&smooth, known, first[0]));
     let middle = options.threshold.unwrap_or(0.5 * (first[1] + pattern));
@@ -110,7 +112,7 @@ pub fn segment(light: &Raster, options: &SegmentOptions) -> Result<Segmentation,
     if components.is_empty() {
         return Err(SegmentError::Nothing(SMALLEST.0));
     }
-    let [inside, mut outside] = levels(&reflectance, &mask).unwrap_or([pattern, first[1]]);
+    let [inside, mut outside] = levels(&reflectance, &mask, &bright).unwrap_or([pattern, first[1]]);
     // An over-exposed background: its light follows from the pattern's and the reference.
     let overexposed = dark && background_is_clipped(light, &mask);
     if let (true, Some(known)) = (overexposed, options.level) {
@@ -182,7 +184,7 @@ fn flatten(
         // The surface through the background's pixels alone.
         let threshold = options.threshold.unwrap_or(split.threshold);
         let mask = Mask::of(&even, |value| value <= threshold);
-        if let Some(correction) = background::refit(&reflectance, light, &mask, CLIPPED) {
+        if let Some(correction) = background::refit(&even, &smooth, &mask, CLIPPED) {
             (reflectance, even) = (correction.divide(&reflectance), correction.divide(&even));
         }
     }
@@ -198,16 +200,29 @@ fn border_is_above(raster: &Raster, threshold: f32) -> bool {
     2 * all.iter().filter(|value| **value > threshold).count() > all.len()
 }
 
-/// Return the median of pattern and background away from the boundary; `None` where one of them has no pixel.
-fn levels(reflectance: &Raster, mask: &Mask) -> Option<[f32; 2]> {
-    let counts = counts(mask, 2);
+/// Distances from the boundary within which pixels may be mixed, the largest first, and the share of the pattern's pixels that must lie
+/// beyond: the blur is not known yet, and pixels that it mixes move a median by a share of the noise.
+const MIXED: [usize; 3] = [12, 6, 2];
+const BEYOND: f64 = 0.15;
+
+/// Return the median of pattern and background away from the boundary; `None` where one of them has no pixel. Of the background, pixels
+/// that noise may have cut off at the top count only if nothing else is there.
+fn levels(reflectance: &Raster, mask: &Mask, bright: &[bool]) -> Option<[f32; 2]> {
+    let needed = (BEYOND * mask.values.iter().filter(|value| **value == 1).count() as f64).max(300.0) as usize;
+    let deep = |counts: &[(u16, u16)]| counts.iter().filter(|(count, full)| count == full).count() >= needed;
+    let found = MIXED.iter().map(|reach| counts(mask, *reach)).find(|counts| deep(counts));
+    let counts = found.unwrap_or_else(|| counts(mask, 2));
     let (mut inside, mut outside) = (Vec::new(), Vec::new());
-    for (value, (count, full)) in reflectance.values().iter().zip(counts.iter()).step_by(5) {
+    let mut cut = Vec::new();
+    for ((value, (count, full)), bright) in reflectance.values().iter().zip(counts.iter()).zip(bright).step_by(5) {
         if count == full {
             inside.push(*value);
         } else if *count == 0 {
-            outside.push(*value);
+            if *bright { &mut cut } else { &mut outside }.push(*value);
         }
+    }
+    if outside.len() < cut.len() / 10 {
+        outside.append(&mut cut);
     }
     // The background is 1 by its surface; a large region of another grey is none of it.
     let near: Vec<f32> = outside.iter().copied().filter(|value| (value - 1.0).abs() < 0.15).collect();

@@ -46,7 +46,7 @@ impl TransferName {
 /// Arguments of `register`.
 #[derive(Debug, Args)]
 pub struct RegisterArgs {
-    /// Image of the pattern seen from the front: PNG or JPEG
+    /// Image of the pattern seen from the front (PNG, JPEG), or its design: SVG, or polygons in mm (csv, txt)
     #[arg(value_name = "REFERENCE")]
     pub reference: PathBuf,
     /// Images, folders of images, or - for names on standard input
@@ -70,6 +70,10 @@ pub struct RegisterArgs {
     /// Theta from which the first frame begins, and the values of fixed parameters; the identity when not given
     #[arg(long, value_name = "NUMBERS", allow_hyphen_values = true)]
     pub start: Option<String>,
+    /// Pose from which the first frame begins: rotation vector (rad) and translation of the pattern's frame in the camera's, as they are
+    /// written in poses
+    #[arg(long, value_name = "RX,RY,RZ,TX,TY,TZ", allow_hyphen_values = true, conflicts_with = "start")]
+    pub start_pose: Option<String>,
     /// Size of the pattern, the larger of width and height: translations come in its unit, else in depths of the reference
     #[arg(long, value_name = "MM", value_parser = positive)]
     pub size: Option<f64>,

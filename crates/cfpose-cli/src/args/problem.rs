@@ -184,6 +184,8 @@ pub enum Sampling {
     Thinned,
     /// Two samples of one shape.
     Independent,
+    /// The pixels of two regions.
+    Raster,
 }
 
 impl Sampling {
@@ -195,6 +197,7 @@ impl Sampling {
             Sampling::Same => Some(Known::Same),
             Sampling::Thinned => Some(Known::Thinned),
             Sampling::Independent => Some(Known::Independent),
+            Sampling::Raster => Some(Known::Raster),
         }
     }
 }

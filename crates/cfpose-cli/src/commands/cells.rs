@@ -56,7 +56,7 @@ pub fn run(args: &CellsArgs) -> Result<(), Failure> {
         .map(|s| {
             let ms = |seconds: f64| format!("{:.1}", 1e3 * seconds);
             let px = |value: f64| format!("{value:.4}");
-            let counts = [s.lost.to_string(), s.good.to_string()];
+            let counts = [s.lost.to_string(), s.good.to_string(), s.followed.to_string()];
             [s.name.to_string()]
                 .into_iter()
                 .chain(counts)
@@ -66,7 +66,7 @@ pub fn run(args: &CellsArgs) -> Result<(), Failure> {
         .collect();
     if !lines.is_empty() {
         output::show(
-            &output::table(&["sequence", "lost", "good", "mean px", "max px", "first ms", "ms"], &lines),
+            &output::table(&["sequence", "lost", "good", "followed", "mean px", "max px", "first ms", "ms"], &lines),
             json,
         )?;
     }

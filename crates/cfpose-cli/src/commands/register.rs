@@ -5,13 +5,14 @@ mod line;
 mod outputs;
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::time::Instant;
 
 use cfpose::free::{Frame, find_columns};
 use cfpose::theta::RotationForm;
 use cfpose_lab::Lab;
-use cfpose_vision::registration::{FrameVerdict, Pattern, Registered, Registrar, View};
-use cfpose_vision::{Camera, Foreground, Picture, SegmentOptions, Transfer, guess_transfer, read_picture, segment};
+use cfpose_vision::registration::{FrameVerdict, Pattern, Registered, Registrar};
+use cfpose_vision::{Camera, Foreground, Picture, SegmentOptions, Transfer, guess_transfer, is_design, read_design, read_picture, segment};
 
 use crate::args::{FrameName, LookArgs, RegisterArgs, Side};
 use crate::failure::Failure;
@@ -115,18 +116,66 @@ fn set_up(args: &RegisterArgs, names: &[PathBuf], lab: &Lab) -> Result<Setup, Fa
         }
     };
     let registrar = Registrar::new(&lab.registry, &model, free, start).map_err(|error| Failure::usage(&error))?;
+    let first = names.iter().find_map(|name| read_picture(name).ok());
+    let mut setup = match is_design(&args.reference) {
+        true => of_design(args, registrar, camera, &model, first.as_ref()),
+        false => of_image(args, registrar, [reference_camera, camera], &model, first.as_ref()),
+    }?;
+    if let Some(text) = &args.start_pose {
+        let list = crate::args::numbers(text).and_then(|list| <[f64; 6]>::try_from(list).ok()).ok_or_else(|| {
+            Failure::usage(format!("--start-pose is `{text}`; give a rotation vector and a translation, 6 numbers"))
+        })?;
+        let layout = setup.registrar.model().layout.clone();
+        let theta = layout.from_list(&setup.units.theta_of(list), RotationForm::Vector);
+        let theta = theta.map_err(|error| Failure::usage(format!("--start-pose: {error}")))?;
+        setup.registrar = setup.registrar.starting_at(theta);
+    }
+    Ok(setup)
+}
+
+/// Make an image of the pattern the reference.
+fn of_image(
+    args: &RegisterArgs,
+    registrar: Registrar,
+    [reference_camera, camera]: [Option<Camera>; 2],
+    model: &str,
+    first: Option<&Picture>,
+) -> Result<Setup, Failure> {
     let named = |problem: &dyn std::fmt::Display| Failure::input(format!("{}: {problem}", args.reference.display()));
     let picture = read_picture(&args.reference)?;
     let options = look(&args.look);
-    let transfer = args.look.transfer.given();
     // One camera writes them all: the reference and the first frame that can be read tell how.
-    let first = names.iter().find_map(|name| read_picture(name).ok());
-    let pictures: Vec<&Picture> = std::iter::once(&picture).chain(&first).collect();
-    let used = transfer.unwrap_or_else(|| guess_transfer(&pictures, &options));
+    let pictures: Vec<&Picture> = std::iter::once(&picture).chain(first).collect();
+    let used = args.look.transfer.given().unwrap_or_else(|| guess_transfer(&pictures, &options));
     let segmentation = segment(&picture.light(used), &options).map_err(|error| named(&error))?;
-    let own = camera_for(reference_camera.or(camera), &picture, &model).map_err(|problem| named(&problem))?;
+    let own = camera_for(reference_camera.or(camera), &picture, model).map_err(|problem| named(&problem))?;
     let pattern = Pattern::new(&segmentation, own).map_err(|error| named(&error))?;
-    let units = Units::new(&model, camera, own, &pattern, args.size);
+    let units = Units::new(model, camera, own, &pattern, args.size);
+    Ok(Setup { registrar, pattern, units, options, transfer: used, seed: args.seed })
+}
+
+/// Make a design the reference: seen from in front of its centre, half as large as the frames.
+fn of_design(
+    args: &RegisterArgs,
+    registrar: Registrar,
+    camera: Option<Camera>,
+    model: &str,
+    first: Option<&Picture>,
+) -> Result<Setup, Failure> {
+    let named = |problem: &dyn std::fmt::Display| Failure::input(format!("{}: {problem}", args.reference.display()));
+    let design = read_design(&args.reference, args.size)?;
+    let side = first.map_or(480, |picture| picture.width().min(picture.height())) as f64;
+    let focal = camera.map_or(2.0 * side, Camera::focal);
+    let distance = focal * design.extent() / (0.5 * side);
+    let (drawn, own) = design.draw(distance).ok_or_else(|| named(&"the design cannot be drawn"))?;
+    let pattern = Pattern::drawn(drawn, 0.0, own).map_err(|error| named(&error))?;
+    let mut options = look(&args.look);
+    if args.look.foreground.is_none() {
+        options.foreground = Foreground::Dark;
+    }
+    let used = args.look.transfer.given().unwrap_or_else(|| guess_transfer(&first.into_iter().collect::<Vec<_>>(), &options));
+    let [x, y] = design.centre();
+    let units = Units::of_design(model, camera, own, [-x, -y, distance]);
     Ok(Setup { registrar, pattern, units, options, transfer: used, seed: args.seed })
 }
 
@@ -147,11 +196,9 @@ fn camera_for(given: Option<Camera>, picture: &Picture, model: &str) -> Result<C
 fn register(setup: &Setup, name: &Path, last: Option<&[f64]>) -> Result<Done, String> {
     let picture = read_picture(name).map_err(|error| format!("{}{}", error.at, error.fault))?;
     let camera = camera_for(setup.units.camera, &picture, &setup.units.model)?;
-    let options = SegmentOptions { level: Some(setup.pattern.level), find_others: true, ..setup.options };
-    let segmentation = segment(&picture.light(setup.transfer), &options).map_err(|error| error.to_string())?;
-    let view = View::new(&segmentation, camera).map_err(|error| error.to_string())?;
-    let found = setup.registrar.register(&setup.pattern, &view, last, setup.seed);
-    let mut found = found.ok_or("no pose brings the contour onto edges of the frame")?;
+    let light = Arc::new(picture.light(setup.transfer));
+    let found = setup.registrar.follow(&setup.pattern, light, &setup.options, camera, last, setup.seed);
+    let mut found = found.map_err(|missed| missed.to_string())?;
     if found.verdict == FrameVerdict::Lost {
         let share = 100.0 * found.quality.share;
         return Err(format!("the best of {} poses has edges on {share:.0} % of the contour", found.starts));

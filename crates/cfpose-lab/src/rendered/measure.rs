@@ -101,7 +101,7 @@ fn row(cell: &RenderedCell, trial: &RenderedTrial, number: u64) -> RenderedRow {
     let Ok(reference) = segment(&trial.reference.light(transfer), &SegmentOptions::default()) else { return lost };
     let Ok(pattern) = Pattern::new(&reference, trial.camera) else { return lost };
     let begun = Instant::now();
-    let options = SegmentOptions { level: Some(pattern.level), find_others: true, ..SegmentOptions::default() };
+    let options = SegmentOptions { level: pattern.level, find_others: true, ..SegmentOptions::default() };
     let Ok(frame) = segment(&trial.frame.light(transfer), &options) else { return lost };
     let Ok(view) = View::new(&frame, trial.camera) else { return lost };
     let Some(found) = registrar.register(&pattern, &view, None, number) else { return lost };

@@ -1,12 +1,13 @@
 //! Sequences of 60 frames along a smooth path, registered one after the other from the pose before.
 
+use std::sync::Arc;
 use std::time::Instant;
 
 use cfpose::Registry;
 use cfpose::homography::{apply, in_file_units};
 use cfpose_optim::manifold::rotation_exp;
-use cfpose_vision::registration::{Pattern, Registrar, View};
-use cfpose_vision::{Camera, Exposure, Patch, SegmentOptions, Transfer, render, segment};
+use cfpose_vision::registration::{Pattern, Registrar};
+use cfpose_vision::{Camera, Exposure, Patch, Picture, SegmentOptions, Transfer, render, segment};
 use serde::Serialize;
 
 use super::scene::{CAMERA, SIZE, homography_of, pixel};
@@ -53,6 +54,8 @@ pub struct SequenceSummary {
     pub max_px: f64,
     /// Frames called good.
     pub good: usize,
+    /// Frames that were followed from the last pose without segmentation.
+    pub followed: usize,
     /// Time of the first frame, seconds.
     pub first_seconds: f64,
     /// Median time of a frame without drawing it, seconds.
@@ -77,20 +80,27 @@ fn path(sequence: &RenderedSequence, frame: u32) -> Vec<f64> {
     theta
 }
 
-/// Register a sequence; `None` where the reference cannot be used.
-pub fn measure_sequence(sequence: &RenderedSequence, seed: u64) -> Option<SequenceSummary> {
+/// A reference and the frames of a sequence.
+#[derive(Debug, Clone)]
+pub struct DrawnSequence {
+    /// The pattern seen from the front.
+    pub reference: Picture,
+    /// Camera of all.
+    pub camera: Camera,
+    /// Frames, each with the homography from the reference, pixels.
+    pub frames: Vec<(Picture, [f64; 9])>,
+    /// Outline of the pattern in the reference, pixels.
+    pub outline: Vec<[f64; 2]>,
+}
+
+/// Draw a sequence from a seed.
+pub fn draw_sequence(sequence: &RenderedSequence, seed: u64) -> Option<DrawnSequence> {
     let mut rng = data_stream(seed, 0x5e9);
-    let outline = shapes::named("flower", 0.25);
-    let paint = |h: &[f64; 9]| Patch { polygon: outline.iter().map(|p| apply(h, pixel(*p))).collect(), grey: 60.0 };
+    let outline: Vec<[f64; 2]> = shapes::named("flower", 0.25).into_iter().map(pixel).collect();
+    let paint = |h: &[f64; 9]| Patch { polygon: outline.iter().map(|p| apply(h, *p)).collect(), grey: 60.0 };
     let frontal = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0];
     let reference = render(SIZE[0], SIZE[1], &[paint(&frontal)], &Exposure::default(), &mut rng);
-    let camera = Camera::new(CAMERA.fx, CAMERA.fy, CAMERA.cx, CAMERA.cy)?;
-    let free = (sequence.free.len() < 6).then(|| sequence.free.to_vec());
-    let registrar = Registrar::new(&Registry::default(), "plane-bearing", free, None).ok()?;
-    let pattern =
-        Pattern::new(&segment(&reference.light(Transfer::Linear), &SegmentOptions::default()).ok()?, camera).ok()?;
-    let (mut last, mut errors, mut times, mut good): (Option<Vec<f64>>, Vec<f64>, Vec<f64>, usize) =
-        (None, Vec::new(), Vec::new(), 0);
+    let mut frames = Vec::new();
     for frame in 0..FRAMES {
         let homography = homography_of(&path(sequence, frame));
         let mut patches = vec![paint(&homography)];
@@ -104,34 +114,56 @@ pub fn measure_sequence(sequence: &RenderedSequence, seed: u64) -> Option<Sequen
             true => Exposure { gradient, blur: 1.8, noise: 4.0, ..Exposure::default() },
             false => Exposure::default(),
         };
-        let picture = render(SIZE[0], SIZE[1], &patches, &exposure, &mut rng);
+        frames.push((render(SIZE[0], SIZE[1], &patches, &exposure, &mut rng), homography));
+    }
+    let camera = Camera::new(CAMERA.fx, CAMERA.fy, CAMERA.cx, CAMERA.cy)?;
+    Some(DrawnSequence { reference, camera, frames, outline })
+}
+
+/// Make the registrar and the pattern of a sequence.
+pub fn prepare_sequence(sequence: &RenderedSequence, drawn: &DrawnSequence) -> Option<(Registrar, Pattern)> {
+    let free = (sequence.free.len() < 6).then(|| sequence.free.to_vec());
+    let registrar = Registrar::new(&Registry::default(), "plane-bearing", free, None).ok()?;
+    let segmented = segment(&drawn.reference.light(Transfer::Linear), &SegmentOptions::default()).ok()?;
+    Some((registrar, Pattern::new(&segmented, drawn.camera).ok()?))
+}
+
+/// Register a sequence; `None` where the reference cannot be used.
+pub fn measure_sequence(sequence: &RenderedSequence, seed: u64) -> Option<SequenceSummary> {
+    let drawn = draw_sequence(sequence, seed)?;
+    let (registrar, pattern) = prepare_sequence(sequence, &drawn)?;
+    let (mut last, mut errors, mut times): (Option<Vec<f64>>, Vec<f64>, Vec<f64>) = (None, Vec::new(), Vec::new());
+    let (mut good, mut followed) = (0, 0);
+    for (number, (picture, homography)) in (0u64..).zip(&drawn.frames) {
         let begun = Instant::now();
-        let options = SegmentOptions { level: Some(pattern.level), find_others: true, ..SegmentOptions::default() };
-        let view = segment(&picture.light(Transfer::Linear), &options).ok().and_then(|s| View::new(&s, camera).ok());
-        let found = view.and_then(|view| registrar.register(&pattern, &view, last.as_deref(), u64::from(frame)));
+        let light = Arc::new(picture.light(Transfer::Linear));
+        let look = SegmentOptions::default();
+        let found = registrar.follow(&pattern, light, &look, drawn.camera, last.as_deref(), number).ok();
         times.push(begun.elapsed().as_secs_f64());
         let Some(found) = found else {
             errors.push(f64::INFINITY);
             continue;
         };
-        let k = camera.intrinsics();
-        let h = in_file_units(&registrar.homography(&found.theta), Some(&k), Some(&k)).unwrap_or(frontal);
+        let k = drawn.camera.intrinsics();
+        let h = in_file_units(&registrar.homography(&found.theta), Some(&k), Some(&k)).unwrap_or([f64::NAN; 9]);
         let distance = |p: &[f64; 2]| {
-            let (a, b) = (apply(&h, pixel(*p)), apply(&homography, pixel(*p)));
+            let (a, b) = (apply(&h, *p), apply(homography, *p));
             (a[0] - b[0]).hypot(a[1] - b[1])
         };
-        errors.push(outline.iter().map(distance).sum::<f64>() / outline.len() as f64);
+        errors.push(drawn.outline.iter().map(distance).sum::<f64>() / drawn.outline.len() as f64);
         good += usize::from(found.verdict.name() == "good");
+        followed += usize::from(found.by == "followed");
         last = Some(found.theta);
     }
     let first_seconds = times[0];
     times.sort_by(f64::total_cmp);
     Some(SequenceSummary {
         name: sequence.name,
-        lost: errors.iter().filter(|error| **error > 3.0).count(),
+        lost: errors.iter().filter(|error| !(**error <= 3.0)).count(),
         mean_px: errors.iter().sum::<f64>() / errors.len() as f64,
         max_px: errors.iter().fold(0.0, |a, b| a.max(*b)),
         good,
+        followed,
         first_seconds,
         median_seconds: times[times.len() / 2],
     })

@@ -5,7 +5,7 @@ use nalgebra::{Matrix3, Vector3};
 use super::fit::Found;
 
 /// Slope of a step blurred by a Gaussian of deviation 1: 1 / sqrt(2 pi).
-const STEEPEST: f64 = 0.398_94;
+pub(super) const STEEPEST: f64 = 0.398_94;
 
 /// Longest distance between neighbours of one contour, pixels.
 const NEAR: f64 = 20.0;

@@ -8,6 +8,19 @@ const STEP: f64 = 0.5;
 /// Places from which both sides' levels are read, pixels from the crossing.
 const BESIDE: f64 = 2.0;
 
+/// Numbers over the places of an image.
+pub trait Field {
+    /// Return the number at a place, NaN where something hides it; `None` outside.
+    fn sample(&self, x: f64, y: f64) -> Option<f64>;
+}
+
+impl Field for Raster {
+    #[inline]
+    fn sample(&self, x: f64, y: f64) -> Option<f64> {
+        Raster::sample(self, x, y)
+    }
+}
+
 /// Values of a field on the two sides of a contour.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Levels {
@@ -35,7 +48,7 @@ pub struct Edge {
 
 /// Find the crossing of the middle between both levels that is nearest to a place along a normal (out of the region), from inside to
 /// outside, within `reach` pixels. Samples that are NaN (hidden) or outside the field end no search and hold no crossing.
-pub fn nearest(field: &Raster, place: [f64; 2], normal: [f64; 2], reach: f64, levels: Levels) -> Option<Edge> {
+pub fn nearest(field: &impl Field, place: [f64; 2], normal: [f64; 2], reach: f64, levels: Levels) -> Option<Edge> {
     let middle = 0.5 * f64::from(levels.inside + levels.outside);
     let range = f64::from(levels.outside - levels.inside);
     // Negative inside, positive outside, difference 1.

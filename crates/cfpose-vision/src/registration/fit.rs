@@ -7,9 +7,12 @@ use cfpose_optim::{Control, Manifold, Solver, Stopping};
 
 use super::mapper::Mapped;
 use super::pattern::Pattern;
+use super::predicted::{Blur, Drawn};
 use super::problem::EdgeProblem;
 use super::registrar::{Outlined, Registrar};
+use super::sight::Sight;
 use super::view::View;
+use super::edges::Field;
 use super::{bend, edges};
 
 /// Fewest edges of a fit.
@@ -21,12 +24,11 @@ const TUKEY: f64 = 4.0;
 /// Smallest scale of the residuals on the way and at the end, pixels.
 const LEAST_SCALE: [f64; 2] = [0.15, 0.05];
 
-/// Steps at the end, at most, and the step at which they end: tangent coordinates.
-const LAST_STEPS: usize = 12;
+/// Step at which a fit ends: tangent coordinates.
 const REST: f64 = 1e-6;
 
-/// Steps with edges that the blur's shift was taken from.
-const UNBENT_STEPS: usize = 3;
+/// Steps with edges that the mapped and blurred reference's were taken from.
+const BLURRED_STEPS: usize = 3;
 
 /// How far the search goes, pixels, and how often each distance is used.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -35,19 +37,31 @@ pub struct Schedule {
     pub reaches: &'static [f64],
     /// Steps at each reach.
     pub steps: usize,
+    /// Steps at the last reach, at most.
+    pub last: usize,
+    /// Steps with edges that the blur's shift was taken from.
+    pub unbent: usize,
 }
 
 impl Schedule {
     /// After a first pose by moments.
-    pub const NEAR: Self = Self { reaches: &[8.0, 5.0, 3.0, 3.0], steps: 4 };
+    pub const NEAR: Self = Self { reaches: &[8.0, 5.0, 3.0, 3.0], steps: 4, last: 12, unbent: 3 };
     /// From far away, or where parts are hidden.
-    pub const FAR: Self = Self { reaches: &[40.0, 25.0, 15.0, 10.0, 7.0, 5.0, 4.0, 3.0], steps: 3 };
+    pub const FAR: Self = Self { reaches: &[40.0, 25.0, 15.0, 10.0, 7.0, 5.0, 4.0, 3.0], steps: 3, last: 12, unbent: 3 };
+    /// The same with few places, to see whether it leads anywhere.
+    pub const SCREEN: Self = Self { steps: 2, last: 3, unbent: 0, ..Self::FAR };
     /// From another tilt that may fit as well.
-    pub const TILT: Self = Self { reaches: &[6.0, 4.0, 3.0, 3.0], steps: 4 };
+    pub const TILT: Self = Self { reaches: &[6.0, 4.0, 3.0, 3.0], steps: 4, last: 12, unbent: 3 };
     /// Where a fit stands that only the field changes under.
-    pub const LAST: Self = Self { reaches: &[4.0, 3.0], steps: 3 };
+    pub const LAST: Self = Self { reaches: &[4.0, 3.0], steps: 3, last: 12, unbent: 3 };
+    /// From the last frame's pose with few places, and then with all.
+    pub const FOLLOW: Self = Self { reaches: &[20.0, 10.0, 5.0], steps: 2, last: 3, unbent: 0 };
+    /// Where few places have led.
+    pub const SETTLE: Self = Self { reaches: &[3.0], steps: 1, last: 4, unbent: 2 };
+    /// From another tilt, with few places.
+    pub const TILT_FOLLOWED: Self = Self { reaches: &[6.0, 4.0, 3.0], steps: 2, last: 4, unbent: 0 };
     /// From the last frame's pose.
-    pub const TRACK: Self = Self { reaches: &[20.0, 12.0, 8.0, 5.0, 3.0], steps: 3 };
+    pub const TRACK: Self = Self { reaches: &[20.0, 12.0, 8.0, 5.0, 3.0], steps: 3, last: 12, unbent: 3 };
 }
 
 /// Edges that a search found.
@@ -70,8 +84,11 @@ pub(super) struct Found {
 
 impl Found {
     /// Move edges along their normals, pixels.
-    fn move_by(&mut self, shifts: &[f64], view: &View) {
+    fn move_by(&mut self, shifts: &[f64], view: &Sight) {
         for (i, shift) in shifts.iter().enumerate().filter(|(_, shift)| **shift != 0.0) {
+            if self.distances[i].is_nan() {
+                continue;
+            }
             let distance = self.distances[i] + shift;
             let place = [0, 1].map(|d| self.pixels[i][d] + distance * self.across[i][d]);
             if let Some(edge) = view.camera.place_of(place) {
@@ -103,7 +120,7 @@ impl Registrar {
     pub(super) fn fit_outline(
         &self,
         outlined: &Outlined,
-        view: &View,
+        view: &Sight,
         theta: &[f64],
         schedule: Schedule,
     ) -> Option<ContourFit> {
@@ -113,7 +130,7 @@ impl Registrar {
         let last = schedule.reaches.len() - 1;
         for (stage, reach) in schedule.reaches.iter().enumerate() {
             let (count, least) = match stage == last {
-                true => (LAST_STEPS, LEAST_SCALE[1]),
+                true => (schedule.last, LEAST_SCALE[1]),
                 false => (schedule.steps, LEAST_SCALE[0]),
             };
             for _ in 0..count {
@@ -129,7 +146,7 @@ impl Registrar {
             }
         }
         // Once more with the edges where they would be without blur.
-        for _ in 0..UNBENT_STEPS {
+        for _ in 0..schedule.unbent {
             let mut found = self.search(outlined, view, &theta, 3.0)?;
             let shifts = bend::shifts(&found);
             found.move_by(&shifts, view);
@@ -138,8 +155,32 @@ impl Registrar {
         theta.iter().all(|value| value.is_finite()).then_some(ContourFit { theta, steps })
     }
 
+    /// Fit once more with the edges where they would be without the frame's blur: the search's distances on the mapped reference, blurred
+    /// alike, are taken off. `None` where the blur is not found.
+    pub(super) fn fit_blurred(
+        &self,
+        outlined: &Outlined,
+        pattern: &Pattern,
+        view: &View,
+        theta: &[f64],
+        deviation: f64,
+    ) -> Option<ContourFit> {
+        let manifold: Arc<dyn Manifold> = self.manifold_at(theta);
+        let mut theta = theta.to_vec();
+        let found = self.search(outlined, view, &theta, 3.0)?;
+        let drawn = Drawn::new(self, pattern, view, &theta, &found.pixels)?;
+        let blur = drawn.blur_of(view, &found, Blur::round((deviation * deviation - 0.6).max(0.0)))?;
+        let shifts = drawn.shifts(outlined, &found, blur);
+        for _ in 0..BLURRED_STEPS {
+            let mut found = self.search(outlined, view, &theta, 3.0)?;
+            found.move_by(&shifts, view);
+            theta = step(outlined, &manifold, &found, &theta, view.camera.focal(), LEAST_SCALE[1])?;
+        }
+        theta.iter().all(|value| value.is_finite()).then_some(ContourFit { theta, steps: BLURRED_STEPS })
+    }
+
     /// Search the edges of a contour at a theta.
-    pub(super) fn search(&self, outlined: &Outlined, view: &View, theta: &[f64], reach: f64) -> Option<Found> {
+    pub(super) fn search(&self, outlined: &Outlined, view: &Sight, theta: &[f64], reach: f64) -> Option<Found> {
         let places: Mapped = outlined.places.at(theta, None);
         let next: Mapped = outlined.ahead.at(theta, None);
         let count = places.x.len();

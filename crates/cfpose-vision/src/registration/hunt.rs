@@ -4,14 +4,29 @@ use super::fit::Schedule;
 use super::pattern::Pattern;
 use super::quality::Quality;
 use super::registrar::{Outlined, Registrar};
+use super::sight::Sight;
 use super::starts::Disturbed;
 use super::view::View;
 
 /// Disturbed starts of the moments.
 const MOMENT_STARTS: usize = 12;
 
-/// Disturbed starts of the contour.
-const CONTOUR_STARTS: usize = 240;
+/// Disturbed starts of the contour, with few places of it.
+const CONTOUR_STARTS: usize = 1000;
+
+/// Share of these places with an edge from which the whole contour is fitted.
+const PROMISING: f64 = 0.4;
+
+/// Share of the blur by which regions differ along the boundary, and the blur of a sharp image, pixels.
+const BLURRED: f64 = 0.25;
+const SHARP: f64 = 0.9;
+
+/// Share of the contour with an edge from which a given start has led to the pattern.
+const NEAR_START: f64 = 0.6;
+
+/// Disturbed starts about a theta whose edges are too far, and the ratio of median distances from which another one is nearer.
+const IMPROVED_STARTS: usize = 24;
+const CLEARLY: f64 = 0.9;
 
 /// The state of a search for a theta.
 pub(super) struct Hunt<'a> {
@@ -26,15 +41,22 @@ pub(super) struct Hunt<'a> {
 }
 
 /// Say whether a theta explains a frame: the whole contour and both regions, or a part of the contour and one region wholly.
-pub(super) fn accepts(pattern: &Pattern, view: &View, quality: &Quality) -> bool {
+pub(super) fn accepts(pattern: &Pattern, view: &Sight, quality: &Quality) -> bool {
     // Of normal distances the median is .67 deviations; blur bends edges, and hidden parts end in corners.
     let crisp = |more: f64| quality.median < more + 0.02 * quality.blur.powi(2) + 0.9 * quality.expected;
-    let complete = quality.share > 0.93 && quality.frame_explained > 0.975 && quality.reference_explained > 0.975;
     // Noise of the coverage near the boundary makes regions differ.
     let boundary = pattern.outline.spacing * pattern.outline.places.len() as f64;
+    // So does blur, which the mapped reference does not have.
+    let blurred = BLURRED * (quality.blur - SHARP).max(0.0) * boundary / pattern.area;
+    let both = quality.frame_explained.min(quality.reference_explained);
+    let complete = quality.share > 0.93 && both > 0.975 - blurred;
     let slack = view.noise * 2.0 * boundary / pattern.area;
     let partly = quality.share > 0.45 && quality.one_sided() > 0.9972 - slack;
-    (complete && crisp(0.04)) || (partly && crisp(0.01))
+    // Half of the contour and more on all sides of the pattern, between small things that hide the rest.
+    let scattered = quality.share * quality.visible > 0.5 && quality.gap < 0.2 && quality.one_sided() > 0.96;
+    // Nearly the whole contour, and nothing of the pattern missing, whatever else the frame shows.
+    let whole = quality.share * quality.visible > 0.9 && quality.reference_explained > 0.95 && quality.gap < 0.05;
+    (whole && crisp(0.06)) || (complete && crisp(0.04)) || ((partly || scattered) && crisp(0.01))
 }
 
 impl<'a> Hunt<'a> {
@@ -50,6 +72,14 @@ impl<'a> Hunt<'a> {
             && self.contour(last, Schedule::TRACK, "last")
         {
             return;
+        }
+        if self.registrar.given && last.is_none() {
+            let accepted = self.contour(&identity, Schedule::TRACK, "start");
+            // Who gives a start knows where the pattern is: periodic ones fit nearly as well elsewhere.
+            let near = self.best.as_ref().is_some_and(|(_, best, _)| best.share * best.visible > NEAR_START);
+            if accepted || near {
+                return;
+            }
         }
         let begin = last.map_or_else(|| identity.clone(), <[f64]>::to_vec);
         let mut disturbed = Disturbed::new(self.registrar, self.pattern, seed);
@@ -84,24 +114,48 @@ impl<'a> Hunt<'a> {
             }
         }
         // Half planes of the reference left out: the moments of the rest tell which part is hidden.
-        for start in self.registrar.by_parts(self.pattern, self.view, &centred) {
-            if self.contour(&start, Schedule::FAR, "parts") {
+        let parts = self.registrar.by_parts(self.pattern, self.view, &centred);
+        for start in &parts {
+            if self.contour(start, Schedule::FAR, "parts") {
                 return;
             }
         }
+        let coarse = self.registrar.coarse(self.pattern);
+        let Some(coarse) = coarse else { return };
         for k in 0..CONTOUR_STARTS {
             let best = self.best.as_ref().map_or_else(|| begin.clone(), |(theta, ..)| theta.clone());
-            let (base, scale) = match k % 4 {
+            let (base, scale) = match k % 5 {
                 0 => (&by_moments, 1.2),
                 1 => (&best, 0.6),
                 2 => (&centred, 1.2),
-                _ => (&begin, 1.2),
+                3 => (&begin, 1.2),
+                _ => (parts.get(k / 5 % parts.len().max(1)).unwrap_or(&begin), 0.8),
             };
             let start = disturbed.near(base, scale);
-            if self.contour(&start, Schedule::FAR, "contour-disturbed") {
+            if self.screened(&coarse, &start, "contour-disturbed") {
                 return;
             }
         }
+    }
+
+    /// Look for a theta near the best one whose edges are clearly nearer; say whether one was found.
+    pub fn improve(&mut self, seed: u64) -> bool {
+        let Some((theta, before, _)) = self.best.clone() else { return false };
+        let mut disturbed = Disturbed::new(self.registrar, self.pattern, seed);
+        for k in 0..IMPROVED_STARTS {
+            let start = disturbed.near(&theta, if k % 2 == 0 { 0.7 } else { 1.2 });
+            self.starts += 1;
+            let Some(fit) = self.registrar.fit_outline(self.outlined, self.view, &start, Schedule::FAR) else { continue };
+            if !self.registrar.is_plausible(self.pattern, &fit.theta) {
+                continue;
+            }
+            let quality = self.registrar.quality_of(self.outlined, self.pattern, self.view, &fit.theta);
+            let nearer = self.best.as_ref().is_none_or(|(_, best, _)| quality.median < CLEARLY * best.median);
+            if nearer && quality.share > 0.97 * before.share {
+                self.best = Some((fit.theta, quality, "improved"));
+            }
+        }
+        self.best.as_ref().is_some_and(|(_, best, _)| best.median < before.median)
     }
 
     /// Find a theta by moments and finish it by the contour; say whether it is accepted.
@@ -112,6 +166,23 @@ impl<'a> Hunt<'a> {
                 self.contour(&theta, Schedule::NEAR, by)
             }
             _ => false,
+        }
+    }
+
+    /// Fit a few places of the contour from a theta, and all of them where that is promising; say whether the result is accepted.
+    fn screened(&mut self, coarse: &Outlined, start: &[f64], by: &'static str) -> bool {
+        let fit = self.registrar.fit_outline(coarse, self.view, start, Schedule::SCREEN);
+        let share = fit.as_ref().and_then(|fit| {
+            let found = self.registrar.search(coarse, self.view, &fit.theta, 3.0)?;
+            let near = found.distances.iter().filter(|distance| distance.abs() < 1.5).count();
+            Some(near as f64 / found.distances.len() as f64)
+        });
+        match fit {
+            Some(fit) if share.is_some_and(|share| share > PROMISING) => self.contour(&fit.theta, Schedule::NEAR, by),
+            _ => {
+                self.starts += 1;
+                false
+            }
         }
     }
 

@@ -38,8 +38,10 @@ pub struct Pattern {
     pub camera: Camera,
     /// Outline of the region.
     pub outline: Outline,
-    /// Level of the pattern as a share of its background.
-    pub level: f32,
+    /// Level of the pattern as a share of its background; `None` for a design, whose print is not known.
+    pub level: Option<f32>,
+    /// Whether it is darker than its background.
+    pub dark: bool,
     /// Sum of the coverage, pixels.
     pub area: f64,
     /// Places in the middle of blocks of pixels and their coverage, coarse and fine.
@@ -52,12 +54,20 @@ impl Pattern {
     /// # Errors
     /// [`PointsError`] where the camera shows nothing at a pixel of the pattern, or no contour is long enough.
     pub fn new(segmentation: &Segmentation, camera: Camera) -> Result<Self, PointsError> {
-        let coverage = segmentation.coverage.clone();
+        let of_image = Self::drawn(segmentation.coverage.clone(), segmentation.noise, camera)?;
+        Ok(Self { level: Some(segmentation.level), dark: segmentation.dark, ..of_image })
+    }
+
+    /// Make a drawn reference ready: the share of a dark pattern in each pixel, and the standard deviation of its noise.
+    ///
+    /// # Errors
+    /// As [`Pattern::new`].
+    pub fn drawn(coverage: Raster, noise: f32, camera: Camera) -> Result<Self, PointsError> {
         let area: f64 = coverage.values().iter().map(|v| f64::from(*v)).sum();
-        let outline = outline(&coverage, camera, segmentation.noise)?;
+        let outline = outline(&coverage, camera, noise)?;
         let steps = steps(area);
         let points = [weighted(&coverage, camera, steps[0])?, weighted(&coverage, camera, steps[1])?];
-        Ok(Self { coverage, camera, outline, level: segmentation.level, area, points })
+        Ok(Self { coverage, camera, outline, level: None, dark: true, area, points })
     }
 }
 

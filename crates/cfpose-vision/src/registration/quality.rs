@@ -1,16 +1,14 @@
 //! How well a theta explains a frame.
 
+use super::backward::Backward;
 use super::pattern::Pattern;
 use super::registrar::{Outlined, Registrar};
+use super::sight::Sight;
 use super::view::View;
-use cfpose::homography::{apply, in_file_units};
 use cfpose_optim::manifold::determinant3;
 
 /// Edges within this distance belong to the contour, pixels.
 const INLIER: f64 = 1.5;
-
-/// Distance between the places at which regions are compared, pixels.
-const STRIDE: usize = 2;
 
 /// How well a theta explains a frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -19,6 +17,8 @@ pub struct Quality {
     pub share: f64,
     /// Share of the whole contour that lies in the frame where nothing is known to hide it.
     pub visible: f64,
+    /// Longest piece of the contour without such an edge, as a share of the whole.
+    pub gap: f64,
     /// Median distance of these edges, pixels.
     pub median: f64,
     /// Root mean square of the distances of these edges, pixels.
@@ -38,6 +38,7 @@ impl Quality {
     pub const NONE: Self = Self {
         share: 0.0,
         visible: 0.0,
+        gap: 1.0,
         median: f64::INFINITY,
         rms: f64::INFINITY,
         expected: 0.0,
@@ -66,7 +67,7 @@ impl Registrar {
         }
     }
 
-    pub(super) fn quality_of(&self, outlined: &Outlined, pattern: &Pattern, view: &View, theta: &[f64]) -> Quality {
+    pub(super) fn quality_of(&self, outlined: &Outlined, pattern: &Pattern, view: &Sight, theta: &[f64]) -> Quality {
         let Some(found) = self.search(outlined, view, theta, 3.0) else { return Quality::NONE };
         let count = found.visible.len() as f64;
         let visible = found.visible.iter().filter(|v| **v).count() as f64;
@@ -83,6 +84,7 @@ impl Registrar {
         Quality {
             share: inliers.len() as f64 / visible.max(1.0),
             visible: visible / count,
+            gap: longest_gap(&inliers, found.visible.len()),
             median: f64::from(crate::segment::median(&mut sizes).unwrap_or(f32::INFINITY)),
             rms: square.sqrt(),
             // A sample between pixels, and two of them, have .75 of the noise of one pixel.
@@ -95,31 +97,18 @@ impl Registrar {
     }
 
     /// Return the share of the frame's region that the mapped reference explains, and the other way, where the frame shows anything.
-    fn overlap(&self, pattern: &Pattern, view: &View, theta: &[f64]) -> Option<[f64; 2]> {
-        let matrix = (self.homography)(theta);
-        // Places of the frame back to the reference.
-        let inverse = invert(&matrix)?;
-        let plain = [&pattern.camera, &view.camera].iter().all(|camera| camera.lens() == crate::camera::Lens::None);
-        let pixels = plain.then(|| {
-            let (source, target) = (pattern.camera.intrinsics(), view.camera.intrinsics());
-            in_file_units(&inverse, Some(&target), Some(&source))
-        });
-        let direct = pixels.flatten();
+    fn overlap(&self, pattern: &Pattern, view: &Sight, theta: &[f64]) -> Option<[f64; 2]> {
+        let backward = Backward::new(&(self.homography)(theta), pattern, view)?;
         let (mut both, mut frame, mut reference) = (0.0, 0.0, 0.0);
+        let stride = view.field.stride();
         let (w, h) = (view.field.width(), view.field.height());
-        for y in (4..h.saturating_sub(4)).step_by(STRIDE) {
-            for x in (4..w.saturating_sub(4)).step_by(STRIDE) {
-                let seen = f64::from(view.field.at(x, y));
+        for y in (4..h.saturating_sub(4)).step_by(stride) {
+            for x in (4..w.saturating_sub(4)).step_by(stride) {
+                let seen = view.field.at(x, y);
                 if seen.is_nan() {
                     continue;
                 }
-                let place = match &direct {
-                    Some(matrix) => apply(matrix, [x as f64, y as f64]),
-                    None => {
-                        let Some(place) = view.camera.place_of([x as f64, y as f64]) else { continue };
-                        pattern.camera.pixel_of(apply(&inverse, place))
-                    }
-                };
+                let Some(place) = backward.at([x as f64, y as f64]) else { continue };
                 let mapped = pattern.coverage.sample(place[0], place[1]).unwrap_or(0.0);
                 both += seen.min(mapped);
                 frame += seen;
@@ -128,6 +117,13 @@ impl Registrar {
         }
         Some([both / frame.max(1.0), both / reference.max(1.0)])
     }
+}
+
+/// Return the longest run of places that are not listed, around the contour, as a share of all.
+fn longest_gap(listed: &[usize], count: usize) -> f64 {
+    let around = listed.first().map_or(count, |first| first + count - listed[listed.len() - 1] - 1);
+    let longest = listed.windows(2).map(|pair| pair[1] - pair[0] - 1).fold(around, usize::max);
+    longest as f64 / count.max(1) as f64
 }
 
 /// Return the inverse of a matrix up to a factor.

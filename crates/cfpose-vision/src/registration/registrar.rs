@@ -5,7 +5,7 @@ use std::sync::Arc;
 use cfpose::family::DynFamily;
 use cfpose::free::Freedom;
 use cfpose::model::{HomographyOf, TargetSide};
-use cfpose::{BuildContext, Model, PointsError, Registry, Scene};
+use cfpose::{BuildContext, Model, Points, PointsError, Registry, Scene};
 use cfpose_optim::Manifold;
 
 use super::fit::Schedule;
@@ -13,6 +13,7 @@ use super::hunt::{Hunt, accepts};
 use super::mapper::{Mapper, as_model_takes};
 use super::pattern::Pattern;
 use super::quality::Quality;
+use super::sight::Sight;
 use super::verdict::FrameVerdict;
 use super::view::View;
 
@@ -25,6 +26,9 @@ const FAMILIES: [&str; 3] = [
 
 /// Standard deviation of an edge from which a frame is smoothed for the last fit, pixels.
 const NOISY: f64 = 0.08;
+
+/// Standard deviation of the blur from which the last fit compares with the blurred reference, pixels.
+const BLURRED: f64 = 1.2;
 
 /// Two tilts are two where the tangent step between them is longer than this.
 const SAME: f64 = 0.03;
@@ -53,6 +57,8 @@ pub struct Registrar {
     pub(super) homography: HomographyOf,
     free: Option<Vec<usize>>,
     start: Vec<f64>,
+    /// Whether the start was given, and is nearer than the identity.
+    pub(super) given: bool,
 }
 
 /// An outline under a model.
@@ -120,6 +126,7 @@ impl Registrar {
         let context = BuildContext { dim: 2, ..context };
         let families: Result<Vec<_>, _> =
             FAMILIES.iter().map(|name| registry.family(name, &context).map(Arc::from)).collect();
+        let given = start.is_some();
         let start = start.unwrap_or_else(|| built.identity.clone());
         Ok(Self {
             region_model: with(true),
@@ -128,6 +135,7 @@ impl Registrar {
             homography,
             free,
             start,
+            given,
             model: Arc::new(built),
         })
     }
@@ -150,6 +158,12 @@ impl Registrar {
         places.map(|(x, ahead)| if *ahead { view_camera.pixel_of(*x) } else { [f64::NAN; 2] }).collect()
     }
 
+    /// Begin the first frame at a theta.
+    #[must_use]
+    pub fn starting_at(self, start: Vec<f64>) -> Self {
+        Self { start, given: true, ..self }
+    }
+
     /// Return the start of the first frame.
     pub fn start(&self) -> &[f64] {
         &self.start
@@ -164,11 +178,17 @@ impl Registrar {
     }
 
     pub(super) fn outlined(&self, pattern: &Pattern) -> Result<Outlined, PointsError> {
-        Ok(Outlined {
-            places: Mapper::new(&self.model, &pattern.outline.places)?,
-            ahead: Mapper::new(&self.model, &pattern.outline.ahead)?,
-            levels: pattern.outline.levels.clone(),
-        })
+        let outline = &pattern.outline;
+        self.outlined_of(&outline.places, &outline.ahead, outline.levels.clone())
+    }
+
+    pub(super) fn outlined_of(
+        &self,
+        places: &[[f64; 2]],
+        ahead: &[[f64; 2]],
+        levels: Vec<super::edges::Levels>,
+    ) -> Result<Outlined, PointsError> {
+        Ok(Outlined { places: Mapper::new(&self.model, places)?, ahead: Mapper::new(&self.model, ahead)?, levels })
     }
 
     /// Register a frame. `last` is the theta of the frame before, tried first; `seed` draws the disturbed starts.
@@ -176,11 +196,17 @@ impl Registrar {
         let outlined = self.outlined(pattern).ok()?;
         let mut hunt = Hunt::new(self, &outlined, pattern, view);
         hunt.run(last, seed);
-        let starts = hunt.starts;
-        let (theta, quality, by) = hunt.best?;
+        let (theta, quality, _) = hunt.best.clone()?;
+        let (theta, mut quality, mut rivals) = self.tilts(&outlined, pattern, view, theta, quality);
+        let (mut settled, mut covariance, mut crisp) = self.settled(&outlined, pattern, view, theta, &quality);
+        if !crisp && hunt.improve(seed) {
+            let (nearer, of_nearer, _) = hunt.best.clone()?;
+            let found = self.tilts(&outlined, pattern, view, nearer, of_nearer);
+            (quality, rivals) = (found.1, found.2);
+            (settled, covariance, crisp) = self.settled(&outlined, pattern, view, found.0, &quality);
+        }
         let accepted = accepts(pattern, view, &quality);
-        let (theta, quality, rivals) = self.tilts(&outlined, pattern, view, theta, quality);
-        let (theta, covariance, crisp) = self.settled(&outlined, pattern, view, theta, &quality);
+        let (theta, starts, by) = (settled, hunt.starts, hunt.best.map_or("", |(_, _, by)| by));
         let verdict = FrameVerdict::of(&quality, accepted && crisp, rivals.first().map(|rival| rival.ratio));
         Some(Registered { theta, quality, verdict, covariance, rivals, starts, by, warnings: Vec::new() })
     }
@@ -200,13 +226,24 @@ impl Registrar {
             let fit = self.fit_outline(outlined, &smoothed, &theta, Schedule::LAST);
             if let Some(fit) = fit.filter(|fit| self.is_plausible(pattern, &fit.theta)) {
                 let quality = self.quality_of(outlined, pattern, &smoothed, &fit.theta);
-                let covariance = self.covariance(outlined, pattern, &smoothed, &fit.theta, &quality);
+                let fit = self.unblurred(outlined, pattern, &smoothed, fit.theta, &quality);
+                let covariance = self.covariance(outlined, pattern, &smoothed, &fit, &quality);
                 let most = 0.04 + 0.01 * quality.blur.powi(2) + 0.9 * quality.expected;
-                return (fit.theta, covariance, quality.median < most);
+                return (fit, covariance, quality.median < most);
             }
         }
+        let theta = self.unblurred(outlined, pattern, view, theta, quality);
         let covariance = self.covariance(outlined, pattern, view, &theta, quality);
         (theta, covariance, true)
+    }
+
+    /// Take the shifts of the edges by a considerable blur off.
+    fn unblurred(&self, outlined: &Outlined, pattern: &Pattern, view: &View, theta: Vec<f64>, quality: &Quality) -> Vec<f64> {
+        if quality.blur < BLURRED {
+            return theta;
+        }
+        let fit = self.fit_blurred(outlined, pattern, view, &theta, quality.blur);
+        fit.map(|fit| fit.theta).filter(|fit| self.is_plausible(pattern, fit)).unwrap_or(theta)
     }
 
     /// Fit the other thetas that the model implies; the best of all comes first.
@@ -218,42 +255,51 @@ impl Registrar {
         theta: Vec<f64>,
         quality: Quality,
     ) -> (Vec<f64>, Quality, Vec<Rival>) {
+        let mut rivals = self.rivals(outlined, pattern, view, &view.points[0], &theta, Schedule::TILT);
+        if rivals.first().is_none_or(|rival| rival.ratio >= 1.0) {
+            return (theta, quality, rivals);
+        }
+        let better = rivals.remove(0);
+        rivals.push(Rival { theta, ratio: 1.0 });
+        rivals.iter_mut().for_each(|rival| rival.ratio /= better.ratio.max(1e-9));
+        rivals.sort_by(|a, b| a.ratio.total_cmp(&b.ratio));
+        let quality = self.quality_of(outlined, pattern, view, &better.theta);
+        (better.theta, quality, rivals)
+    }
+
+    /// Fit the other thetas that the model implies of one; nearest in residual first.
+    pub(super) fn rivals(
+        &self,
+        outlined: &Outlined,
+        pattern: &Pattern,
+        sight: &Sight,
+        target: &Points,
+        theta: &[f64],
+        schedule: Schedule,
+    ) -> Vec<Rival> {
         let takes = |points| as_model_takes(&self.model, points).ok();
-        let (Some(source), Some(target)) = (takes(&pattern.points[0]), takes(&view.points[0])) else {
-            return (theta, quality, Vec::new());
-        };
-        let findings = (self.model.examine)(&Scene { theta: &theta, source: &source, target: &target });
-        let manifold = self.manifold_at(&theta);
+        let (Some(source), Some(target)) = (takes(&pattern.points[0]), takes(target)) else { return Vec::new() };
+        let findings = (self.model.examine)(&Scene { theta, source: &source, target: &target });
+        let manifold = self.manifold_at(theta);
         let distance = |a: &[f64], b: &[f64]| {
             let mut step = vec![0.0; manifold.tangent()];
             manifold.local(a, b, &mut step);
             step.iter().map(|v| v * v).sum::<f64>().sqrt()
         };
-        let own = self.distance_of(outlined, view, &theta, &theta);
-        let mut found: Vec<(Vec<f64>, f64)> = Vec::new();
+        let own = self.distance_of(outlined, sight, theta, theta).max(1e-9);
+        let mut found: Vec<Rival> = Vec::new();
         for candidate in &findings.candidates {
-            let candidate = self.held_at_start(candidate, &theta);
-            let Some(fit) = self.fit_outline(outlined, view, &candidate, Schedule::TILT) else { continue };
-            let known = std::iter::once(&theta).chain(found.iter().map(|(theta, _)| theta));
+            let candidate = self.held_at_start(candidate, theta);
+            let Some(fit) = self.fit_outline(outlined, sight, &candidate, schedule) else { continue };
+            let known = std::iter::once(theta).chain(found.iter().map(|rival| rival.theta.as_slice()));
             let apart = known.into_iter().all(|other| distance(&fit.theta, other) > SAME);
             if apart && self.is_plausible(pattern, &fit.theta) {
-                let rms = self.distance_of(outlined, view, &fit.theta, &theta);
-                found.push((fit.theta, rms));
+                let ratio = self.distance_of(outlined, sight, &fit.theta, theta) / own;
+                found.push(Rival { theta: fit.theta, ratio });
             }
         }
-        found.sort_by(|a, b| a.1.total_cmp(&b.1));
-        let better = found.first().is_some_and(|(_, rms)| *rms < own);
-        let (theta, quality, own) = if better {
-            let (other, rms) = found.remove(0);
-            found.push((theta, own));
-            found.sort_by(|a, b| a.1.total_cmp(&b.1));
-            let quality = self.quality_of(outlined, pattern, view, &other);
-            (other, quality, rms)
-        } else {
-            (theta, quality, own)
-        };
-        let rivals = found.into_iter().map(|(theta, rms)| Rival { theta, ratio: rms / own.max(1e-9) }).collect();
-        (theta, quality, rivals)
+        found.sort_by(|a, b| a.ratio.total_cmp(&b.ratio));
+        found
     }
 
     /// Return a theta whose fixed parameters are those of another.
@@ -265,7 +311,7 @@ impl Registrar {
     }
 
     /// Return the root mean square distance of the edges at a theta over the places that have one at another theta; at most 4 pixels each.
-    fn distance_of(&self, outlined: &Outlined, view: &View, theta: &[f64], inliers_at: &[f64]) -> f64 {
+    fn distance_of(&self, outlined: &Outlined, view: &Sight, theta: &[f64], inliers_at: &[f64]) -> f64 {
         const MOST: f64 = 4.0;
         let (Some(there), Some(here)) =
             (self.search(outlined, view, inliers_at, 3.0), self.search(outlined, view, theta, MOST))

@@ -3,11 +3,12 @@
 use cfpose_optim::LeastSquares;
 use cfpose_optim::covariance::covariance;
 
+use super::bend::STEEPEST;
 use super::pattern::Pattern;
 use super::problem::EdgeProblem;
 use super::quality::Quality;
 use super::registrar::{Outlined, Registrar};
-use super::view::View;
+use super::sight::Sight;
 
 /// Two thetas whose residuals differ by less than this factor are not told apart.
 const APART: f64 = 2.0;
@@ -21,8 +22,12 @@ const FLOOR: f64 = 0.02;
 /// Pixels over which the shifts of neighbouring edges by blur are alike.
 const ALIKE: f64 = 40.0;
 
-/// Shift of a blurred edge that is left, per squared deviation of the blur, 1 / pixels: a quarter of what a curvature radius of 30 pixels makes.
-const BENT: f64 = 0.004;
+/// Shift of a blurred edge that is left, per squared deviation of the blur, 1 / pixels.
+const BENT: f64 = 0.0003;
+
+/// Error of the levels of pattern and background, which moves all edges alike, per squared noise of one pixel: pixels are told apart and
+/// cut off at both ends of the scale by values that have the noise in them.
+const LEVEL: f64 = 1.0;
 
 /// Verdict on a frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -76,7 +81,7 @@ impl Registrar {
         &self,
         outlined: &Outlined,
         pattern: &Pattern,
-        view: &View,
+        view: &Sight,
         theta: &[f64],
         quality: &Quality,
     ) -> Vec<f64> {
@@ -95,8 +100,9 @@ impl Registrar {
             return none();
         }
         let [noise, blur] = [view.alike, ALIKE].map(|pixels| (pixels / pattern.outline.spacing).max(1.0));
-        let random = (quality.expected.powi(2) + FLOOR.powi(2)) * noise;
-        let variance = random + ((BENT * quality.blur.powi(2)).powi(2) + view.shift.powi(2)) * blur;
+        let random = quality.expected.powi(2) * noise + FLOOR.powi(2);
+        let level = LEVEL * view.pixel_noise.powi(2) * quality.blur / STEEPEST;
+        let variance = random + ((BENT * quality.blur.powi(2)).powi(2) + level.powi(2) + view.shift.powi(2)) * blur;
         covariance(rows, m, &jacobian, variance, 1e-10).map_or_else(none, |c| c.matrix)
     }
 }

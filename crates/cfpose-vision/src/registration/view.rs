@@ -6,27 +6,19 @@ use cfpose::{Points, PointsError};
 
 use super::pattern::{steps, weighted};
 use super::seen::Visibility;
+use super::sight::{ALIKE, Shown, Sight};
 use crate::camera::Camera;
 use crate::raster::Raster;
 use crate::segment::Segmentation;
 
-/// A segmented frame: the field in which edges are searched, and weighted points of its region.
+/// A segmented frame: as the contour sees it, and weighted points of its region.
 #[derive(Debug, Clone)]
 pub struct View {
-    /// Coverage, NaN where something else hides the pattern.
-    pub field: Raster,
+    sight: Sight,
     /// Coverage that is not cut off at 0 and 1.
     unbounded: Raster,
-    /// Pixels over which neighbouring edges have alike noise.
-    pub alike: f64,
-    /// Standard deviation of a shift of all edges alike: over-exposure.
-    pub shift: f64,
-    /// Its camera.
-    pub camera: Camera,
     /// Sum of the coverage, pixels.
     pub area: f64,
-    /// Standard deviation of the coverage by noise.
-    pub noise: f64,
     /// Points, coarse and fine, as [`super::Pattern::points`].
     pub points: [Points; 2],
     /// What the frame can show, and the points that count as far as they are seen; none where the region ends within the frame and nothing
@@ -34,6 +26,14 @@ pub struct View {
     pub partly: Option<(Arc<Visibility>, [Points; 2])>,
     /// Whether something hides parts of the frame.
     pub hidden: bool,
+}
+
+impl std::ops::Deref for View {
+    type Target = Sight;
+
+    fn deref(&self) -> &Sight {
+        &self.sight
+    }
 }
 
 impl View {
@@ -66,18 +66,9 @@ impl View {
         let field = without_hidden(coverage.clone());
         let unbounded = without_hidden(segmentation.unbounded.clone());
         let shift = if segmentation.overexposed { OVEREXPOSED } else { 0.0 };
-        Ok(Self {
-            field,
-            unbounded,
-            alike: ALIKE,
-            shift,
-            camera,
-            area,
-            noise: f64::from(segmentation.noise),
-            points,
-            partly,
-            hidden: hidden.is_some(),
-        })
+        let noise = f64::from(segmentation.noise);
+        let sight = Sight { field: Shown::All(field), alike: ALIKE, shift, camera, noise, pixel_noise: noise };
+        Ok(Self { sight, unbounded, area, points, partly, hidden: hidden.is_some() })
     }
 }
 
@@ -88,15 +79,19 @@ impl View {
         // White noise under a Gaussian s: 1 / (2 sqrt(pi) s) of its deviation, alike over 2 sqrt(pi) s along a line.
         let kept = 0.282 / deviation;
         let field = self.unbounded.gaussian(deviation);
-        Self { field, noise: self.noise * kept.min(1.0), alike: (3.54 * deviation).max(self.alike), ..self.clone() }
+        let (noise, alike) = (self.noise * kept.min(1.0), (3.54 * deviation).max(self.alike));
+        let sight = Sight { field: Shown::All(field.clone()), noise, alike, ..self.sight.clone() };
+        Self { sight, unbounded: field, ..self.clone() }
+    }
+
+    /// Return the field of profiles across the contour: not cut off at 0 and 1.
+    pub(super) fn profiles(&self) -> &Raster {
+        &self.unbounded
     }
 }
 
 /// Shift of the edges of an over-exposed frame, pixels.
 const OVEREXPOSED: f64 = 0.05;
-
-/// Pixels over which neighbouring edges have alike noise where nothing is smoothed.
-const ALIKE: f64 = 2.0;
 
 /// Say whether a region reaches the frame's border.
 fn touches_border(coverage: &Raster) -> bool {

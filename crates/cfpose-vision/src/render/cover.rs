@@ -7,18 +7,35 @@ use crate::raster::Raster;
 /// Every edge is cut at the pixels' borders; a piece adds the area to its right within its pixel, and its height to all pixels further
 /// right: sums along the row give the coverage (the accumulation buffer of font rasterisers). Corners may lie outside the image.
 pub fn coverage(polygon: &[[f64; 2]], width: usize, height: usize) -> Raster {
+    filled(&[polygon], |turns| turns.abs().min(1.0), width, height)
+}
+
+/// Return the share of each pixel that rings wind around: once or more, or an odd number of times. Exact where a pixel holds no crossing
+/// of rings.
+pub(crate) fn winding(rings: &[Vec<[f64; 2]>], even_odd: bool, width: usize, height: usize) -> Raster {
+    let rings: Vec<&[[f64; 2]]> = rings.iter().map(Vec::as_slice).collect();
+    match even_odd {
+        true => filled(&rings, |turns| 1.0 - (1.0 - turns.rem_euclid(2.0)).abs(), width, height),
+        false => filled(&rings, |turns| turns.abs().min(1.0), width, height),
+    }
+}
+
+/// Sum the signed areas of rings and turn the sums into shares.
+fn filled(rings: &[&[[f64; 2]]], share: impl Fn(f64) -> f64, width: usize, height: usize) -> Raster {
     let mut sums = vec![0.0f64; (width + 1) * height];
-    for (k, from) in polygon.iter().enumerate() {
-        let to = polygon[(k + 1) % polygon.len()];
-        // Pixel borders at integers.
-        edge([from[0] + 0.5, from[1] + 0.5], [to[0] + 0.5, to[1] + 0.5], width, height, &mut sums);
+    for polygon in rings {
+        for (k, from) in polygon.iter().enumerate() {
+            let to = polygon[(k + 1) % polygon.len()];
+            // Pixel borders at integers.
+            edge([from[0] + 0.5, from[1] + 0.5], [to[0] + 0.5, to[1] + 0.5], width, height, &mut sums);
+        }
     }
     let mut out = Raster::filled(width, height, 0.0);
     for y in 0..height {
         let mut total = 0.0;
         for (value, change) in out.row_mut(y).iter_mut().zip(&sums[y * (width + 1)..]) {
             total += change;
-            *value = total.abs().min(1.0) as f32;
+            *value = share(total) as f32;
         }
     }
     out

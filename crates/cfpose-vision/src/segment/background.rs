@@ -21,7 +21,9 @@ impl Surface {
         Self([f64::from(value), 0.0, 0.0, 0.0, 0.0, 0.0])
     }
 
-    fn at(&self, x: f64, y: f64) -> f64 {
+    /// Return the light at a place from -1 to 1.
+    #[inline]
+    pub fn at(&self, x: f64, y: f64) -> f64 {
         let c = &self.0;
         c[0] + c[1] * x + c[2] * y + c[3] * x * x + c[4] * x * y + c[5] * y * y
     }
@@ -50,7 +52,7 @@ impl Surface {
 }
 
 /// Return a pixel's place from -1 to 1.
-fn place(at: f64, count: usize) -> f64 {
+pub fn place(at: f64, count: usize) -> f64 {
     (at + 0.5) / (count as f64 / 2.0) - 1.0
 }
 
@@ -59,12 +61,16 @@ fn place(at: f64, count: usize) -> f64 {
 /// The rounds begin twice, from a fit of all pixels (a gradient of the light) and from a flat surface at `level` (a large region of
 /// another grey); the result that more pixels lie on is taken.
 pub fn surface(light: &Raster, level: f32, clipped: f32) -> Option<Surface> {
-    let samples = blocks(light, clipped);
+    through(&blocks(light, clipped), level)
+}
+
+/// Fit the background through places and their light, as [`surface`] does.
+pub fn through(samples: &[(f64, f64, f64)], level: f32) -> Option<Surface> {
     if samples.len() < 12 {
         return None;
     }
-    let begins = [fit(&samples, &vec![1.0; samples.len()]), Some(Surface::constant(level))];
-    let found = begins.into_iter().flatten().filter_map(|begin| rounds(&samples, begin));
+    let begins = [fit(samples, &vec![1.0; samples.len()]), Some(Surface::constant(level))];
+    let found = begins.into_iter().flatten().filter_map(|begin| rounds(samples, begin));
     let on = |surface: &Surface| {
         samples.iter().filter(|(u, v, value)| (value / surface.at(*u, *v).max(1e-6) - 1.0).abs() < 0.03).count()
     };
@@ -122,9 +128,13 @@ fn rounds(samples: &[(f64, f64, f64)], begin: Surface) -> Option<Surface> {
     Some(found)
 }
 
-/// Fit the background's pixels that are away from the pattern, as a correction of a reflectance.
+/// Distance from the pattern within which blur may darken the background, pixels.
+const DARKENED: usize = 10;
+
+/// Fit the background's pixels that are away from the pattern, as a correction of a reflectance. Both rasters are smoothed: a choice of
+/// pixels by their own noise would shift the mean of those that are chosen.
 pub fn refit(reflectance: &Raster, light: &Raster, mask: &Mask, clipped: f32) -> Option<Surface> {
-    let counts = counts(mask, 3);
+    let counts = counts(mask, DARKENED);
     let mut samples = Vec::new();
     let (w, h) = (reflectance.width(), reflectance.height());
     let step = ((w * h) as f64 / 6000.0).sqrt().ceil().max(1.0) as usize;
@@ -146,7 +156,7 @@ pub fn refit(reflectance: &Raster, light: &Raster, mask: &Mask, clipped: f32) ->
 }
 
 /// Solve weighted linear least squares by the normal equations of 6 unknowns: their condition is below 100 here.
-fn fit(samples: &[(f64, f64, f64)], weights: &[f64]) -> Option<Surface> {
+pub fn fit(samples: &[(f64, f64, f64)], weights: &[f64]) -> Option<Surface> {
     let (mut normal, mut right) = (Matrix6::zeros(), Vector6::zeros());
     for ((x, y, value), weight) in samples.iter().zip(weights) {
         let basis = Vector6::new(1.0, *x, *y, x * x, x * y, y * y) * *weight;

@@ -21,6 +21,8 @@ pub(crate) struct Units {
     pub reference: Camera,
     /// Distance of the pattern from the reference's camera in the unit of `--size`, 1 without it.
     pub depth: f64,
+    /// Place of the design's origin in the frame of its camera, the unit of its size; the camera's own origin for an image.
+    pub origin: [f64; 3],
 }
 
 impl Units {
@@ -32,7 +34,27 @@ impl Units {
             .map(|(low, high)| high - low)
             .fold(0.0_f64, f64::max);
         let depth = size.map_or(1.0, |size| size / extent);
-        Self { model: model.to_string(), camera, reference, depth }
+        Self { model: model.to_string(), camera, reference, depth, origin: [0.0; 3] }
+    }
+
+    /// `origin`: place of the design's origin in the frame of the camera that sees it as the reference.
+    pub fn of_design(model: &str, camera: Option<Camera>, reference: Camera, origin: [f64; 3]) -> Self {
+        Self { model: model.to_string(), camera, reference, depth: origin[2], origin }
+    }
+
+    /// Return the pose of the pattern's frame from that of the reference's camera, the translation in depths.
+    fn of_pattern(&self, pose: Pose) -> Pose {
+        let r = &pose.rotation;
+        let turned = |i: usize| (0..3).map(|k| r[3 * i + k] * self.origin[k]).sum::<f64>();
+        let translation = [0, 1, 2].map(|i: usize| pose.translation[i] * self.depth + turned(i));
+        Pose { translation, ..pose }
+    }
+
+    /// Return theta from the pose of the pattern's frame: rotation vector and translation; the inverse of what is written.
+    pub fn theta_of(&self, [a, b, c, x, y, z]: [f64; 6]) -> [f64; 6] {
+        let r = cfpose_optim::manifold::rotation_exp(&[a, b, c]);
+        let turned = |i: usize| (0..3).map(|k| r[3 * i + k] * self.origin[k]).sum::<f64>();
+        [a, b, c, (x - turned(0)) / self.depth, (y - turned(1)) / self.depth, (z - turned(2)) / self.depth]
     }
 }
 
@@ -147,7 +169,7 @@ impl Setup {
     /// Return the pose, translation in the unit of `--size`.
     fn pose(&self, theta: &[f64]) -> Option<Pose> {
         let pose = Pose::of_theta(&self.registrar.model().layout, theta)?;
-        Some(Pose { translation: pose.translation.map(|value| value * self.units.depth), ..pose })
+        Some(self.units.of_pattern(pose))
     }
 }
 

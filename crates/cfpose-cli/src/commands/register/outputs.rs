@@ -165,7 +165,8 @@ fn axes(image: &mut RgbImage, setup: &Setup, done: &Done, pose: &cfpose::Pose) {
     let mean = setup.pattern.points[0].mean();
     let covariance = setup.pattern.points[0].covariance();
     let length = (covariance[0][0] + covariance[1][1]).sqrt() * depth;
-    let centre = [mean[0] * depth, mean[1] * depth, depth];
+    let origin = setup.units.origin;
+    let centre = [mean[0] * depth - origin[0], mean[1] * depth - origin[1], depth - origin[2]];
     let seen = |p: [f64; 3]| {
         let y = pose.apply(p);
         if y[2] > 0.0 { done.camera.pixel_of([y[0] / y[2], y[1] / y[2]]) } else { [f64::NAN; 2] }
