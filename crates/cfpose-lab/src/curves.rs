@@ -81,7 +81,12 @@ pub fn placed(spec: &str, scale: f64) -> Result<PlacedCurve, EntryError> {
     let (entry, parameters) = find("curve", ALL, spec)?;
     let curve = (entry.build)(&parameters)?;
     let raw: Vec<[f64; 2]> = (0..NUM_POINTS).map(|k| curve(k as f64 * STEP)).collect();
-    // Centred by the bounding box of these points; their largest absolute coordinate becomes `scale`.
+    let place = place(&raw, scale);
+    Ok(Box::new(move |t| place(curve(t))))
+}
+
+/// Return the map that centres points by their bounding box and scales their largest absolute coordinate to `scale`.
+fn place(raw: &[[f64; 2]], scale: f64) -> impl Fn([f64; 2]) -> [f64; 2] + Send + Sync + use<> {
     let centre = [0, 1].map(|d| {
         let (low, high) =
             raw.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), p| (low.min(p[d]), high.max(p[d])));
@@ -89,7 +94,7 @@ pub fn placed(spec: &str, scale: f64) -> Result<PlacedCurve, EntryError> {
     });
     let centred = move |p: [f64; 2]| [p[0] - centre[0], p[1] - centre[1]];
     let largest = raw.iter().flat_map(|p| centred(*p)).fold(0.0_f64, |a, b| a.max(b.abs()));
-    Ok(Box::new(move |t| centred(curve(t)).map(|x| x * scale / largest)))
+    move |p| centred(p).map(|x| x * scale / largest)
 }
 
 /// Return the closed polygon through corners as a curve: t = 0 .. 2 pi runs evenly along its length.

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use cfpose::entry::{EntryError, ParameterSpec, find};
 use cfpose_vision::{Transfer, contours_of, read_picture};
 
-use super::{ALL, CurveEntry, NUM_POINTS, STEP, along, fit};
+use super::{ALL, CurveEntry, NUM_POINTS, STEP, along, place};
 
 /// Distance of two places along the contour, pixels.
 const SPACING: f64 = 0.5;
@@ -59,5 +59,6 @@ pub fn of_picture(path: &Path, scale: f64) -> Result<Vec<[f64; 2]>, String> {
         largest.resampled(SPACING).into_iter().map(|(place, _)| [place[0], -place[1]]).collect();
     let curve = along(&corners);
     let raw: Vec<[f64; 2]> = (0..NUM_POINTS).map(|k| curve(k as f64 * STEP)).collect();
-    Ok(fit(&raw, scale))
+    let place = place(&raw, scale);
+    Ok(raw.into_iter().map(place).collect())
 }

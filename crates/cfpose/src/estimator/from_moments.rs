@@ -449,6 +449,7 @@ impl MomentEstimator {
             refined: false,
             evidence: None,
             undetermined: Vec::new(),
+            prior: None,
             stray: [Vec::new(), Vec::new()],
             stages: reports,
             outcome: best.outcome,
