@@ -7,7 +7,7 @@ By hand, in an environment outside the project:
     python tools/rivals/vision.py pairs --cfpose target/release/cfpose
 
 Every method gets the two images of a pair and returns a homography (reference to frame, pixels). A row tells for how many pairs the mean
-error over the test places is below 1 and .1 pixels, its median, and the CPU time of a pair (all threads of the process added up).
+error over the test places is below 1 and .1 pixels, its median, and the CPU time of a pair (one thread).
 cfpose gets the camera of the pairs and the model of a pose; the others estimate a homography, as their interfaces do.
 """
 
@@ -100,6 +100,7 @@ def main():
     parser.add_argument("pairs", type=pathlib.Path, help="folder that `cfpose cells --export` wrote")
     parser.add_argument("--cfpose", help="the program, to add its row")
     args = parser.parse_args()
+    cv2.setNumThreads(1)
     truths = json.loads((args.pairs / "truth.json").read_text())
     methods = {}
     for name, make in DETECTORS.items():

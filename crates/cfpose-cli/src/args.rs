@@ -13,7 +13,7 @@ mod problem;
 mod reading;
 
 pub use about::{CheckArgs, CompletionsArgs, DocsArgs, ListArgs, ListKind, ManArgs};
-pub use experiments::{DemoArgs, FolderArgs, LearnArgs, ReportArgs, RunArgs, PlanArgs};
+pub use experiments::{DemoArgs, FolderArgs, LearnArgs, PlanArgs, ReportArgs, RunArgs};
 pub use images::{CellsArgs, LookArgs, RegisterArgs, SegmentArgs};
 pub use moments::MomentsArgs;
 pub use pose::{PoseArgs, PoseCommand, PoseTarget};

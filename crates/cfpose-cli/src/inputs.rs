@@ -90,7 +90,10 @@ pub fn load(args: &ProblemArgs, registry: &Registry) -> Result<Loaded, Failure> 
         Estimator::new(registry, settings, &source, &target, &execution)
             .map_err(|error| name_file(error, args, &target))
     };
-    let is_raster = args.sampling.given().map_or_else(|| files.iter().all(|f| raster::is_one(&f.points)), |s| s == cfpose::distances::Sampling::Raster);
+    let is_raster = args
+        .sampling
+        .given()
+        .map_or_else(|| files.iter().all(|f| raster::is_one(&f.points)), |s| s == cfpose::distances::Sampling::Raster);
     if is_raster && args.pipeline.is_none() {
         raster::choose(&mut settings, registry);
     }

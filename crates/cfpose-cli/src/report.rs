@@ -1,7 +1,7 @@
 //! The result of `estimate`: the JSON object of the contract and the table for people.
 
 use cfpose::estimator::{By, Evidence, Minimised, PriorReport, StageReport, Undetermined};
-use cfpose::theta::{RotationForm, Layout};
+use cfpose::theta::{Layout, RotationForm};
 use cfpose::{Estimate, Pose, Settings};
 use serde::Serialize;
 

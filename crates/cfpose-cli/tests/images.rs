@@ -10,21 +10,13 @@ use cfpose_optim::manifold::{rotation_exp, rotation_log};
 use cfpose_vision::overlay::to_png;
 use cfpose_vision::{Exposure, Patch, coverage, render};
 use common::{Desk, data};
+use rand::SeedableRng;
 use rand_chacha::ChaCha12Rng;
-use rand_chacha::rand_core::SeedableRng;
 use serde_json::Value;
 
 /// An L with a notch, mm; no symmetry.
-const DESIGN: [[f64; 2]; 8] = [
-    [0.0, 0.0],
-    [80.0, 0.0],
-    [80.0, 30.0],
-    [52.0, 30.0],
-    [45.0, 48.0],
-    [38.0, 30.0],
-    [25.0, 90.0],
-    [0.0, 90.0],
-];
+const DESIGN: [[f64; 2]; 8] =
+    [[0.0, 0.0], [80.0, 0.0], [80.0, 30.0], [52.0, 30.0], [45.0, 48.0], [38.0, 30.0], [25.0, 90.0], [0.0, 90.0]];
 
 fn first_line(out: &str) -> Value {
     serde_json::from_str(out.lines().next().unwrap()).unwrap()
@@ -68,7 +60,8 @@ fn a_design_in_millimetres_is_found_in_a_frame() {
     let picture = render(640, 480, &[patch], &Exposure::default(), &mut ChaCha12Rng::seed_from_u64(5));
     desk.write("frame.png", to_png(&picture.to_rgb()).unwrap());
     for design in ["design.svg", "design.csv"] {
-        let run = desk.run(&format!("register {design} frame.png --camera 600,600,319.5,239.5 --json - --transfer linear"));
+        let run =
+            desk.run(&format!("register {design} frame.png --camera 600,600,319.5,239.5 --json - --transfer linear"));
         assert_eq!(run.code, 0, "{design}: {}", run.err);
         let line = first_line(&run.out);
         let (degrees, share) = apart(&pose_of(&line["pose"]), &(rotation, translation));
@@ -94,7 +87,10 @@ fn regions_shifted_by_parts_of_a_pixel_do_not_lock_onto_the_lattice() {
         let drawn = coverage(&outline(shift), 220, 220);
         let all = (0..220).flat_map(|y| (0..220).map(move |x| (x, y)));
         let rows = all.map(|(x, y)| (x, y, drawn.at(x, y))).filter(|row| row.2 > 0.0);
-        desk.write(&format!("{name}.csv"), rows.fold("x,y,w\n".to_string(), |text, (x, y, w)| text + &format!("{x},{y},{w:.4}\n")));
+        desk.write(
+            &format!("{name}.csv"),
+            rows.fold("x,y,w\n".to_string(), |text, (x, y, w)| text + &format!("{x},{y},{w:.4}\n")),
+        );
         let codes: Vec<u8> = drawn.values().iter().map(|v| if *v > 0.5 { 255 } else { 0 }).collect();
         let picture = cfpose_vision::Picture::from_grey(220, 220, &codes).unwrap();
         desk.write(&format!("{name}.png"), to_png(&picture.to_rgb()).unwrap());
@@ -177,7 +173,8 @@ fn the_dark_squares_of_a_chessboard_are_found_from_a_rough_start() {
     // The squares whose dark ones touch the origin of the calibration, 25 mm, x and y from the first inner corner.
     let squares = (-1..9).flat_map(|i| (-1..6).map(move |j| (i, j))).filter(|(i, j)| (i + j) % 2 == 0);
     let corner = |x: i32, y: i32| format!("{},{}\n", 25 * x, 25 * y);
-    let text = squares.map(|(i, j)| corner(i, j) + &corner(i + 1, j) + &corner(i + 1, j + 1) + &corner(i, j + 1) + "\n");
+    let text =
+        squares.map(|(i, j)| corner(i, j) + &corner(i + 1, j) + &corner(i + 1, j + 1) + &corner(i, j + 1) + "\n");
     desk.write("squares.csv", text.collect::<String>());
     let mut within = 0;
     for (k, row) in numbers.chunks(6).take(7).enumerate() {

@@ -158,7 +158,8 @@ mod tests {
 
     #[test]
     fn polygons_are_separated_by_empty_lines_and_errors_name_the_line() {
-        let shapes = polygons::read("# two squares\nx,y\n0,0\n10,0\n10,10\n0,10\n\n10 10\n20 10\n20 20\n10 20\n").unwrap();
+        let shapes =
+            polygons::read("# two squares\nx,y\n0,0\n10,0\n10,10\n0,10\n\n10 10\n20 10\n20 20\n10 20\n").unwrap();
         let design = Design::new(shapes, Some(1.0), Some(40.0)).unwrap();
         assert_eq!((design.shapes.len(), design.bounds), (2, [[0.0, 40.0], [0.0, 40.0]]));
         assert_eq!(polygons::read("0,0\n1,0\n1,x\n").unwrap_err().at, crate::Place::Line(3));

@@ -33,7 +33,9 @@ mod streams;
 pub use cfpose_kernel::{Attribute, Execution, Isa, Points, PointsError};
 pub use criteria::Criteria;
 pub use error::{Error, Side};
-pub use estimator::{Estimate, Estimator, Prior, PriorReport, Settings, Start, Supervision, Verdict, estimate, from_moments};
+pub use estimator::{
+    Estimate, Estimator, Prior, PriorReport, Settings, Start, Supervision, Verdict, estimate, from_moments,
+};
 pub use geometry::pose::{Pose, PoseError};
 pub use geometry::{bounds, free, homography, theta};
 pub use registry::Registry;

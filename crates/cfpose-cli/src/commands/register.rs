@@ -12,7 +12,10 @@ use cfpose::free::{Frame, find_columns};
 use cfpose::theta::RotationForm;
 use cfpose_lab::Lab;
 use cfpose_vision::registration::{FrameVerdict, Pattern, Registered, Registrar};
-use cfpose_vision::{Camera, Foreground, Picture, SegmentOptions, Transfer, guess_transfer, is_design, read_design, read_picture, segment};
+use cfpose_vision::{
+    Camera, Foreground, Picture, SegmentOptions, Transfer, guess_transfer, is_design, read_design, read_picture,
+    segment,
+};
 
 use crate::args::{FrameName, LookArgs, RegisterArgs, Side};
 use crate::failure::Failure;
@@ -173,7 +176,8 @@ fn of_design(
     if args.look.foreground.is_none() {
         options.foreground = Foreground::Dark;
     }
-    let used = args.look.transfer.given().unwrap_or_else(|| guess_transfer(&first.into_iter().collect::<Vec<_>>(), &options));
+    let used =
+        args.look.transfer.given().unwrap_or_else(|| guess_transfer(&first.into_iter().collect::<Vec<_>>(), &options));
     let [x, y] = design.centre();
     let units = Units::of_design(model, camera, own, [-x, -y, distance]);
     Ok(Setup { registrar, pattern, units, options, transfer: used, seed: args.seed })

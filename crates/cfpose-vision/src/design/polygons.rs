@@ -30,7 +30,9 @@ pub(super) fn read(text: &str) -> Result<Vec<Shape>, Flaw> {
         match numbers.as_deref() {
             Some([x, y]) => ring.push([*x, *y]),
             // A line of names before the first corner.
-            None if ring.is_empty() && fields.len() == 2 && fields.iter().all(|f| f.starts_with(char::is_alphabetic)) => {}
+            None if ring.is_empty()
+                && fields.len() == 2
+                && fields.iter().all(|f| f.starts_with(char::is_alphabetic)) => {}
             _ => return Err(at(last, format!("{line:?} is no corner: two numbers, x and y, are expected"))),
         }
     }

@@ -96,7 +96,8 @@ fn visit(node: Node<'_, '_>, look: Look, depth: usize, shapes: &mut Vec<Shape>) 
             for p in rings.iter_mut().flatten() {
                 *p = [t.a * p[0] + t.c * p[1] + t.e, t.b * p[0] + t.d * p[1] + t.f];
             }
-            let luminance = 0.2126 * f64::from(fill.red) + 0.7152 * f64::from(fill.green) + 0.0722 * f64::from(fill.blue);
+            let luminance =
+                0.2126 * f64::from(fill.red) + 0.7152 * f64::from(fill.green) + 0.0722 * f64::from(fill.blue);
             shapes.push(Shape { rings, dark: luminance < 127.5, even_odd: look.even_odd });
         }
         "use" | "image" | "text" => {

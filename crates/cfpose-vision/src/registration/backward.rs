@@ -21,9 +21,8 @@ impl Backward {
         let inverse = invert(matrix)?;
         let (reference, frame) = (pattern.camera, view.camera);
         let plain = [&reference, &frame].iter().all(|camera| camera.lens() == Lens::None);
-        let direct = plain
-            .then(|| in_file_units(&inverse, Some(&frame.intrinsics()), Some(&reference.intrinsics())))
-            .flatten();
+        let direct =
+            plain.then(|| in_file_units(&inverse, Some(&frame.intrinsics()), Some(&reference.intrinsics()))).flatten();
         Some(Self { direct, inverse, reference, frame })
     }
 

@@ -5,6 +5,7 @@ use std::sync::Arc;
 use cfpose_optim::solvers::GaussNewton;
 use cfpose_optim::{Control, Manifold, Solver, Stopping};
 
+use super::edges::Field;
 use super::mapper::Mapped;
 use super::pattern::Pattern;
 use super::predicted::{Blur, Drawn};
@@ -12,7 +13,6 @@ use super::problem::EdgeProblem;
 use super::registrar::{Outlined, Registrar};
 use super::sight::Sight;
 use super::view::View;
-use super::edges::Field;
 use super::{bend, edges};
 
 /// Fewest edges of a fit.
@@ -47,7 +47,8 @@ impl Schedule {
     /// After a first pose by moments.
     pub const NEAR: Self = Self { reaches: &[8.0, 5.0, 3.0, 3.0], steps: 4, last: 12, unbent: 3 };
     /// From far away, or where parts are hidden.
-    pub const FAR: Self = Self { reaches: &[40.0, 25.0, 15.0, 10.0, 7.0, 5.0, 4.0, 3.0], steps: 3, last: 12, unbent: 3 };
+    pub const FAR: Self =
+        Self { reaches: &[40.0, 25.0, 15.0, 10.0, 7.0, 5.0, 4.0, 3.0], steps: 3, last: 12, unbent: 3 };
     /// The same with few places, to see whether it leads anywhere.
     pub const SCREEN: Self = Self { steps: 2, last: 3, unbent: 0, ..Self::FAR };
     /// From another tilt that may fit as well.
@@ -55,11 +56,11 @@ impl Schedule {
     /// Where a fit stands that only the field changes under.
     pub const LAST: Self = Self { reaches: &[4.0, 3.0], steps: 3, last: 12, unbent: 3 };
     /// From the last frame's pose with few places, and then with all.
-    pub const FOLLOW: Self = Self { reaches: &[20.0, 10.0, 5.0], steps: 2, last: 3, unbent: 0 };
+    pub const FOLLOW: Self = Self { reaches: &[20.0, 10.0, 5.0], steps: 1, last: 3, unbent: 0 };
     /// Where few places have led.
-    pub const SETTLE: Self = Self { reaches: &[3.0], steps: 1, last: 4, unbent: 2 };
+    pub const SETTLE: Self = Self { reaches: &[3.0], steps: 1, last: 2, unbent: 2 };
     /// From another tilt, with few places.
-    pub const TILT_FOLLOWED: Self = Self { reaches: &[6.0, 4.0, 3.0], steps: 2, last: 4, unbent: 0 };
+    pub const TILT_FOLLOWED: Self = Self { reaches: &[6.0, 3.0], steps: 2, last: 3, unbent: 0 };
     /// From the last frame's pose.
     pub const TRACK: Self = Self { reaches: &[20.0, 12.0, 8.0, 5.0, 3.0], steps: 3, last: 12, unbent: 3 };
 }

@@ -88,7 +88,16 @@ impl Registrar {
         }
         let covariance = self.covariance(&outlined, pattern, &sight, &theta, &quality);
         let verdict = FrameVerdict::of(&quality, true, None);
-        Some(Registered { theta, quality, verdict, covariance, rivals, starts: 1, by: "followed", warnings: Vec::new() })
+        Some(Registered {
+            theta,
+            quality,
+            verdict,
+            covariance,
+            rivals,
+            starts: 1,
+            by: "followed",
+            warnings: Vec::new(),
+        })
     }
 
     /// Return an outline of few places.

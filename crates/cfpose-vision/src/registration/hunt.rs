@@ -145,7 +145,9 @@ impl<'a> Hunt<'a> {
         for k in 0..IMPROVED_STARTS {
             let start = disturbed.near(&theta, if k % 2 == 0 { 0.7 } else { 1.2 });
             self.starts += 1;
-            let Some(fit) = self.registrar.fit_outline(self.outlined, self.view, &start, Schedule::FAR) else { continue };
+            let Some(fit) = self.registrar.fit_outline(self.outlined, self.view, &start, Schedule::FAR) else {
+                continue;
+            };
             if !self.registrar.is_plausible(self.pattern, &fit.theta) {
                 continue;
             }

@@ -85,7 +85,13 @@ impl Field for Predicted {
 
 impl Drawn {
     /// Draw the reference under a theta; `pixels` are the places of its outline in the frame.
-    pub fn new(registrar: &Registrar, pattern: &Pattern, sight: &Sight, theta: &[f64], pixels: &[[f64; 2]]) -> Option<Self> {
+    pub fn new(
+        registrar: &Registrar,
+        pattern: &Pattern,
+        sight: &Sight,
+        theta: &[f64],
+        pixels: &[[f64; 2]],
+    ) -> Option<Self> {
         const MARGIN: f64 = 24.0;
         let bounds = |d: usize, most: usize| {
             let of = pixels.iter().map(|p| p[d]).filter(|v| v.is_finite());
@@ -195,7 +201,9 @@ fn change(rows: &[([f64; 2], f64, f64)]) -> Option<[f64; 3]> {
             right += row * (value / variance);
         }
         solved = normal.cholesky()?.solve(&right);
-        let off = rows.iter().map(|(direction, value, variance)| ((value - design(*direction).dot(&solved)).abs() / variance) as f32);
+        let off = rows
+            .iter()
+            .map(|(direction, value, variance)| ((value - design(*direction).dot(&solved)).abs() / variance) as f32);
         limit = STANDS_OUT * 1.4826 * f64::from(crate::segment::median(&mut off.collect::<Vec<_>>())?).max(0.02);
     }
     solved.iter().all(|v| v.is_finite()).then(|| solved.into())

@@ -238,7 +238,14 @@ impl Registrar {
     }
 
     /// Take the shifts of the edges by a considerable blur off.
-    fn unblurred(&self, outlined: &Outlined, pattern: &Pattern, view: &View, theta: Vec<f64>, quality: &Quality) -> Vec<f64> {
+    fn unblurred(
+        &self,
+        outlined: &Outlined,
+        pattern: &Pattern,
+        view: &View,
+        theta: Vec<f64>,
+        quality: &Quality,
+    ) -> Vec<f64> {
         if quality.blur < BLURRED {
             return theta;
         }

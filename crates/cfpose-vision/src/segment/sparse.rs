@@ -8,8 +8,8 @@ use crate::raster::Raster;
 const PIXELS: usize = 4800;
 const PART: usize = 16;
 
-/// Share of over-exposed pixels from which the whole frame has to be looked at.
-const MOST_CLIPPED: f64 = 0.003;
+/// Share of over-exposed pixels from which the whole frame has to be looked at; fewer are left out.
+const MOST_CLIPPED: f64 = 0.3;
 
 /// Fewest pixels of the pattern and of the background.
 const FEWEST: usize = 60;
@@ -23,6 +23,9 @@ pub struct Sparse {
     pub inside: f32,
     /// Standard deviation of the coverage by noise.
     pub noise: f32,
+    /// From columns and rows to places of the surface, and from reflectance to coverage.
+    scale: [f64; 2],
+    gain: f64,
 }
 
 /// Look at a lattice of pixels; `None` where they do not show a pattern of about `level` on a background.
@@ -35,11 +38,15 @@ pub fn look(light: &Raster, level: f32) -> Option<Sparse> {
         let row = light.row(y);
         let v = background::place(y as f64, h);
         for x in (step / 2..w).step_by(step) {
-            clipped += usize::from(row[x] >= CLIPPED);
+            // Noise cuts off pixels whose mean is a little below the top.
+            if row[x] > 0.94 * CLIPPED {
+                clipped += 1;
+                continue;
+            }
             samples.push((background::place(x as f64, w), v, f64::from(row[x])));
         }
     }
-    if clipped as f64 > MOST_CLIPPED * samples.len() as f64 {
+    if clipped as f64 > MOST_CLIPPED * (samples.len() + clipped) as f64 {
         return None;
     }
     // Steps of a prime's size spread over rows and columns.
@@ -75,7 +82,13 @@ pub fn look(light: &Raster, level: f32) -> Option<Sparse> {
     let inside = median(&mut inside)?;
     let noise = 1.4826 * median(&mut off)? / (1.0 - inside).max(0.02);
     // No noise at all is a mask: its places within a pixel are not known.
-    (noise > 1e-4 && 1.0 - inside > super::LEAST_CONTRAST).then_some(Sparse { surface, inside, noise })
+    (noise > 1e-4 && 1.0 - inside > super::LEAST_CONTRAST).then(|| Sparse {
+        surface,
+        inside,
+        noise,
+        scale: [2.0 / w as f64, 2.0 / h as f64],
+        gain: 1.0 / (1.0 - f64::from(inside)),
+    })
 }
 
 impl Sparse {
@@ -83,7 +96,7 @@ impl Sparse {
     #[inline]
     pub fn coverage(&self, light: &Raster, x: f64, y: f64) -> Option<f64> {
         let value = light.sample(x, y)?;
-        let (u, v) = (background::place(x, light.width()), background::place(y, light.height()));
-        Some((1.0 - value / self.surface.at(u, v)) / (1.0 - f64::from(self.inside)))
+        let (u, v) = ((x + 0.5) * self.scale[0] - 1.0, (y + 0.5) * self.scale[1] - 1.0);
+        Some((1.0 - value / self.surface.at(u, v)) * self.gain)
     }
 }

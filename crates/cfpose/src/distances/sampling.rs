@@ -23,7 +23,6 @@ pub enum Sampling {
 /// 3 times as long as a disc's, 2 sqrt(pi N).
 const RASTER: f64 = 2.0 * 3.0 * 3.545 / 12.0;
 
-
 impl Sampling {
     /// Names, as the command line gives them.
     pub const NAMES: [(&'static str, Sampling); 4] = [
