@@ -103,7 +103,8 @@ fn tables(group: &Group<'_>, with_rates: bool) -> String {
             table.rows.retain(|row| row[0] == TableCell::Text(group.methods[0].to_string()));
         }
         let left = table.rows.len();
-        let pairs = if left < all { format!("; {left} of {all} pairs, those of the first method") } else { String::new() };
+        let pairs =
+            if left < all { format!("; {left} of {all} pairs, those of the first method") } else { String::new() };
         let header: Vec<String> = table.columns.iter().map(ToString::to_string).collect();
         let rows: Vec<Vec<String>> = table.rows.iter().map(|row| row.iter().map(TableCell::text).collect()).collect();
         let scenario = group.scenario;
