@@ -32,7 +32,7 @@ mod problem;
 /// The data of a trial.
 pub(crate) enum Drawn {
     /// Two point sets.
-    Points(Trial),
+    Points(Box<Trial>),
     /// A least-squares problem.
     Problem(Posed),
 }
@@ -100,7 +100,7 @@ impl Bench<'_> {
             let mut rng = data_stream(self.experiment.seed, planned.key);
             match scenario.problems() {
                 Some(problems) => problems.posed(&mut rng).map(Drawn::Problem),
-                None => scenario.trial(&mut rng).map(Drawn::Points),
+                None => scenario.trial(&mut rng).map(|trial| Drawn::Points(Box::new(trial))),
             }
         };
         catch_unwind(AssertUnwindSafe(draw)).unwrap_or_else(|panic| Err(ScenarioError::Panicked(words(panic.as_ref()))))

@@ -76,7 +76,7 @@ impl Design {
         if count > MOST_CORNERS {
             return Err(format!("{count} corners are more than the {MOST_CORNERS} of a design"));
         }
-        if corners().any(|(p, _)| p.iter().any(|v| !(v.abs() < 1e12))) {
+        if !corners().all(|(p, _)| p.iter().all(|v| v.abs() < 1e12)) {
             return Err("a corner is no finite number".into());
         }
         let extent = |d: usize| {

@@ -48,6 +48,7 @@ fn pair(dim: usize, sampling: Sampling, sigma: f64, seed: u64) -> [Points; 2] {
         Sampling::Same => source.clone(),
         Sampling::Thinned => source[..COUNT * 3 / 5].to_vec(),
         Sampling::Independent => shape(dim, COUNT, &mut rng),
+        Sampling::Raster => unreachable!("no pixels here"),
     };
     let target = noisy(&clean, dim, sigma, &mut rng);
     [points(&source, dim), points(&target, dim)]

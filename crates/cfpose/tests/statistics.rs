@@ -70,6 +70,7 @@ impl Setup {
                 (fixed.to_vec(), part)
             }
             Sampling::Independent => (shape(self.num_source, rng), shape(self.num_target, rng)),
+            Sampling::Raster => unreachable!("no pixels here"),
         };
         [source, noisy(&target, self.sigma, rng)]
     }

@@ -159,7 +159,7 @@ pub fn measure_sequence(sequence: &RenderedSequence, seed: u64) -> Option<Sequen
     times.sort_by(f64::total_cmp);
     Some(SequenceSummary {
         name: sequence.name,
-        lost: errors.iter().filter(|error| !(**error <= 3.0)).count(),
+        lost: errors.iter().filter(|error| error.is_nan() || **error > 3.0).count(),
         mean_px: errors.iter().sum::<f64>() / errors.len() as f64,
         max_px: errors.iter().fold(0.0, |a, b| a.max(*b)),
         good,

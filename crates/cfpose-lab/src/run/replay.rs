@@ -72,5 +72,5 @@ pub fn replay(lab: &Lab, experiment: &Experiment, key: &str, isa: Isa) -> Result
     };
     let methods: Vec<&Method> = experiment.methods.iter().filter(|method| !method.external).collect();
     let records = bench.records(scenario, &cell, &planned, &methods);
-    Ok(Replay { repetition: planned.repetition, model: scenario.model().to_string(), trial, records, cell })
+    Ok(Replay { repetition: planned.repetition, model: scenario.model().to_string(), trial: *trial, records, cell })
 }
