@@ -1,7 +1,7 @@
 //! Statistics of an experiment: a table of statistics, each one file in `statistics/entries/` and one line in [`ALL`].
 //!
 //! A statistic turns the trials of a [`Group`] into a small table. The arithmetic stands beside it as a function of plain numbers
-//! (a p-value, an interval, a share), which the plots use too. What several share: [`proportion`], [`quantile`], [`holm`],
+//! (a p-value, an interval, a share), which the plots use too. What several share: `proportion`, `quantile`, `holm`,
 //! [`bootstrap`].
 
 pub mod bootstrap;

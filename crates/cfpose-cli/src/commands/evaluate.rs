@@ -41,6 +41,11 @@ pub fn run(args: &EvaluateArgs, lab: &Lab) -> Result<(), Failure> {
     let mut files = inputs::named(&args.problem);
     files.push(args.at.clone().into());
     output::keep_apart(&files, &[args.problem.json.as_deref()])?;
+    for (flag, given) in [("--bounds", args.problem.bounds.is_some()), ("--prior", args.problem.prior.is_some())] {
+        if given {
+            return Err(Failure::usage(format!("{flag} does not change what is evaluated; leave it out")));
+        }
+    }
     let result = match numbers(&args.at) {
         Some(_) => None,
         None => Some(read_result(args)?),

@@ -46,6 +46,11 @@ pub fn read(path: &Path) -> Result<GatheredMoments, Failure> {
 /// # Errors
 /// Wrong names and what needs points are usage, files are input.
 pub fn load(args: &ProblemArgs, registry: &Registry) -> Result<LoadedMoments, Failure> {
+    for (flag, given) in [("--bounds", args.bounds.is_some()), ("--prior", args.prior.is_some())] {
+        if given {
+            return Err(Failure::usage(format!("{flag} needs points, which moments do not hold; leave it out")));
+        }
+    }
     let (mut settings, registry) = settings(args, registry)?;
     let model = registry.model(&args.model, &BuildContext { seed: args.seed, ..BuildContext::default() })?;
     let isa = isa(&args.isa)?;

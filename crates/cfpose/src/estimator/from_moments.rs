@@ -11,33 +11,29 @@ use cfpose_kernel::means::Execution;
 use cfpose_kernel::moments::{GatheredMoments, Moments};
 use cfpose_kernel::points::Points;
 use cfpose_optim::manifold::Manifold;
-use cfpose_optim::{Control, Interrupt, LeastSquares, Outcome, Stopping};
+use cfpose_optim::{Control, Interrupt, Outcome, Stopping};
 
-use crate::criteria::Criteria;
 use crate::distances::Sampling;
 use crate::entry::BuildContext;
 use crate::error::{Error, Side};
-use crate::estimator::{
-    Alternative, By, Estimate, Minimised, NoiseModel, Outliers, Pipeline, Settings, Stage, StageReport, Start,
-    Supervision, Verdict, WeightedAt,
-};
+use crate::estimator::{Estimate, Settings, Stage, StageReport, Start, Supervision, WeightedAt};
 use crate::geometry::centred::Centred;
 use crate::geometry::free::Freedom;
-use crate::geometry::linalg::congruent;
-use crate::geometry::pose::Pose;
 use crate::model::{LinearKind, Model};
 use crate::problem::MomentProblem;
 use crate::registry::Registry;
 use crate::start::StartContext;
-use crate::statistics::conditioning::{Conditioning, observe};
+use crate::statistics::Randomness;
 use crate::statistics::weighting::{Update, Weighting};
-use crate::statistics::{self, Randomness, Statistics};
 
 mod covariance;
+mod report;
 mod representatives;
+mod stages;
 
 use covariance::sampling_covariance;
 use representatives::representatives;
+use stages::stages;
 
 /// Weighting of the preset `auto`.
 const WEIGHTED: &str = "two-step";
@@ -370,166 +366,9 @@ impl MomentEstimator {
     fn sampling(&self) -> Sampling {
         self.settings.sampling.unwrap_or(Sampling::Independent)
     }
-
-    /// Say what is known of the best theta.
-    fn estimate(
-        &self,
-        best: Found,
-        others: &[Found],
-        starts: usize,
-        iterations: usize,
-        reports: Vec<StageReport>,
-    ) -> Estimate {
-        let (ready, theta) = (self.last(), best.outcome.theta.clone());
-        let usable = best.outcome.usable();
-        let statistics = self.statistics(&best, ready);
-        let mut warnings = vec![
-            "moments hold no points: overlap, outliers, other modes and chance are not tested, the verdict is suspect at most"
-                .to_string(),
-        ];
-        if let Some(found) = statistics.as_ref().filter(|found| found.p_value < Criteria::default().p_suspect) {
-            let (j, dof) = (found.j_statistic, found.degrees_of_freedom);
-            warnings.push(format!("the statistics refuse the fit: J = {j:.0} with {dof} degrees of freedom"));
-        }
-        let tangent = best.problem.manifold().tangent();
-        let conditioning = match usable {
-            true => {
-                let (jacobian, free) = (best.problem.evaluate(&theta).jacobian, self.settings.free.as_deref());
-                observe(&jacobian, tangent, &self.model.layout, free, &theta)
-            }
-            false => Conditioning::unknown(tangent),
-        };
-        warnings.extend(conditioning.warnings());
-        let verdict = match (usable, best.outcome.status.is_interruption(), &statistics) {
-            (false, ..) => Some(Verdict::Failed),
-            (true, true, _) | (true, _, Some(_)) => Some(Verdict::Suspect),
-            _ => None,
-        };
-        let is_new = |theta: &[f64], kept: &[&Found]| {
-            let far = |other: &[f64]| theta.iter().zip(other).any(|(a, b)| (a - b).abs() > SAME * b.abs().max(1.0));
-            far(&best.outcome.theta) && kept.iter().all(|other| far(&other.outcome.theta))
-        };
-        let mut kept: Vec<&Found> = Vec::new();
-        for other in others.iter().filter(|other| other.outcome.usable()) {
-            if is_new(&other.outcome.theta, &kept) {
-                kept.push(other);
-            }
-        }
-        let alternatives = kept.iter().map(|other| Alternative {
-            theta: other.outcome.theta.clone(),
-            cost: other.outcome.cost,
-            verdict: other.weighted_at.as_ref().map(|_| Verdict::Suspect),
-            relative_likelihood: None,
-        });
-        Estimate {
-            pose: Pose::of_theta(&self.model.layout, &theta),
-            by: By::Moments,
-            verdict,
-            minimised: Minimised {
-                stage: ready.stage.clone(),
-                theta: theta.clone(),
-                reference: self.base.clone(),
-                weighted_at: best.weighted_at.clone(),
-                left_out_source: Vec::new(),
-                left_out_target: Vec::new(),
-                free: self.settings.free.clone(),
-                seed: self.settings.seed,
-            },
-            theta,
-            starts,
-            iterations,
-            evaluations: reports.iter().map(|report| report.evaluations).sum(),
-            alternatives: alternatives.collect(),
-            warnings,
-            conditioning,
-            sampling: statistics.as_ref().map(|_| self.sampling().name()),
-            statistics,
-            support: None,
-            clutter: None,
-            refined: false,
-            evidence: None,
-            undetermined: Vec::new(),
-            prior: None,
-            stray: [Vec::new(), Vec::new()],
-            stages: reports,
-            outcome: best.outcome,
-        }
-    }
-
-    /// Return J, its p-value and the covariance of theta, where the weighting has them.
-    fn statistics(&self, best: &Found, ready: &ReadyStage) -> Option<Statistics> {
-        let weighted_at = best.weighted_at.as_ref().filter(|_| ready.weighting.has_statistic())?;
-        if !best.outcome.usable() || best.problem.whitening().is_none() {
-            return None;
-        }
-        let theta = &best.outcome.theta;
-        let found = statistics::of_whitened(&best.problem, theta, best.problem.manifold().tangent())?;
-        let mut found = Statistics { kappa: weighted_at.randomness.kappa, ..found };
-        if let Some(centred) = &self.centred {
-            let here = found.covariance.clone();
-            found.covariance = congruent(centred.tangent(), &centred.to_own(theta), &here);
-            found.covariance_at_centroid = Some(here);
-        }
-        Some(found)
-    }
 }
 
 /// Begin a report.
 fn nothing_done(name: &str) -> StageReport {
     StageReport { name: name.to_string(), solves: 0, evaluations: 0, rejected: 0 }
-}
-
-/// Return the stages to run, what was given beside the preset put into the last one.
-fn stages(settings: &Settings, sums: [&GatheredMoments; 2]) -> Result<Vec<Stage>, Error> {
-    let named = || match sums.map(GatheredMoments::label) {
-        [source, target] if source == target => Ok(source.to_string()),
-        [source, target] => Err(Error::Unsupported(format!(
-            "the moments were made for different features, `{source}` and `{target}`; give --features"
-        ))),
-    };
-    let mut stages = match &settings.pipeline {
-        Some(pipeline) => without_points(pipeline)?.stages.clone(),
-        None => {
-            let features = settings.features.clone().map_or_else(named, Ok)?;
-            let weighting = if settings.preset == "paper" { "identity" } else { WEIGHTED };
-            let iterations = settings.stopping.max_iterations;
-            vec![Stage { weighting: weighting.to_string(), iterations, ..Stage::new("moments", &features) }]
-        }
-    };
-    let Some(last) = stages.last_mut() else {
-        return Err(Error::Unsupported("an estimator has at least one stage".to_string()));
-    };
-    for (given, part) in [(&settings.features, &mut last.features), (&settings.weighting, &mut last.weighting)] {
-        if let Some(given) = given {
-            part.clone_from(given);
-        }
-    }
-    if settings.normaliser.is_some() {
-        last.normaliser.clone_from(&settings.normaliser);
-    }
-    match stages.iter().find(|stage| stage.model.as_ref().is_some_and(|name| *name != settings.model)) {
-        Some(stage) => {
-            let problem =
-                format!("stage `{}` has a model of its own; moments serve the stages of one model", stage.name);
-            Err(Error::Unsupported(problem))
-        }
-        None => Ok(stages),
-    }
-}
-
-/// Refuse a pipeline that asks for points.
-fn without_points(pipeline: &Pipeline) -> Result<&Pipeline, Error> {
-    let asks = [
-        (pipeline.points.is_some(), "[points]"),
-        (pipeline.support, "support"),
-        (pipeline.outliers != Outliers::None, "outliers"),
-        (pipeline.stages.iter().any(|stage| stage.coarse_to_fine), "coarse-to-fine"),
-        (pipeline.stages.iter().any(|stage| stage.noise != NoiseModel::None), "noise"),
-    ];
-    match asks.iter().find(|(asked, _)| *asked) {
-        Some((_, key)) => Err(Error::Unsupported(format!(
-            "the pipeline's `{key}` needs points, which moments do not hold; leave it out"
-        ))),
-        None => Ok(pipeline),
-    }
 }
