@@ -39,7 +39,7 @@ fn every_field_of_the_contract_is_there() {
     let expected = "schema model features solver normalise weighting preset sampling seed isa num_source num_target theta rotation_form free \
                     pose homography correspondence cost status usable iterations evaluations starts seconds covariance \
                     j_statistic degrees_of_freedom p_value noise_sigma verdict message alternatives warnings condition \
-                    clutter refined evidence stray stray_source undetermined covariance_at_centroid stages by minimised";
+                    clutter refined evidence stray stray_source undetermined prior covariance_at_centroid stages by minimised";
     assert_eq!(names, expected.split_whitespace().collect::<Vec<_>>());
     assert_eq!(result["schema"], "cfpose.estimate/2");
     assert_eq!(

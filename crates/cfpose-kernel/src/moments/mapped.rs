@@ -14,7 +14,7 @@ use crate::scalar::Scalar;
 /// let moments = Moments::of_points(&points, 2, &Execution::default());
 /// // x = 2 p - 1 is 1 and 5.
 /// let means = mapped_means(&moments, &[2.0], &[-1.0]);
-/// assert!(means.iter().zip([1.0, 3.0, 13.0]).all(|(mean, value)| (mean - value).abs() < 1e-13));
+/// assert!(means.iter().zip([1.0_f64, 3.0, 13.0]).all(|(mean, value)| (mean - value).abs() < 1e-13));
 /// ```
 pub fn mapped_means<S: Scalar>(moments: &Moments, a: &[S], b: &[S]) -> Vec<S> {
     let (dim, degree) = (moments.dim, moments.degree);

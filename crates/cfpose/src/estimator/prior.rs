@@ -15,7 +15,7 @@ use super::Parts;
 use super::candidate::Candidate;
 use super::search::Search;
 use crate::entry::BuildError;
-use crate::geometry::linalg::{add_outer, congruent, invert, solve_normal, symmetrise};
+use crate::geometry::linalg::{add_outer, congruent, invert, solve_normal, symmetric_eigen_any, symmetrise};
 use crate::geometry::theta::Layout;
 use crate::statistics::chi_square_tail;
 
@@ -54,6 +54,8 @@ pub struct PriorReport {
 
 /// Nats that a prior may hold against a mode: it may be wrong, and strong data overrule it.
 const MOST_NATS: f64 = 15.0;
+/// Eigenvalues of the correlations below this are rounding.
+const LEAST_EIGENVALUE: f64 = 1e-12;
 /// Gauss-Newton steps of the joined answer; the law is normal, so the second is a correction.
 const STEPS: usize = 10;
 
