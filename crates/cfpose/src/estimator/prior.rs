@@ -90,7 +90,9 @@ impl Prior {
         let deviations: Vec<f64> = (0..n).map(|i| c(i, i).sqrt()).collect();
         let correlation: Vec<f64> =
             (0..n * n).map(|at| c(at / n, at % n) / (deviations[at / n] * deviations[at % n])).collect();
-        match invert(n, &correlation) {
+        let (values, _) = symmetric_eigen_any(n, |i, j| correlation[i * n + j]);
+        let is_definite = values.last().is_some_and(|least| *least > LEAST_EIGENVALUE);
+        match invert(n, &correlation).filter(|_| is_definite) {
             Some(inverse) => Ok((0..n * n).map(|at| inverse[at] / (deviations[at / n] * deviations[at % n])).collect()),
             None => refuse("the covariance is not positive definite".to_string()),
         }
