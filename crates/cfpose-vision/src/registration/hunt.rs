@@ -28,6 +28,9 @@ const NEAR_START: f64 = 0.6;
 const IMPROVED_STARTS: usize = 24;
 const CLEARLY: f64 = 0.9;
 
+/// Pixels by which blur and noise may move edges where a part of the contour is enough.
+const UNSHARP: f64 = 0.2;
+
 /// The state of a search for a theta.
 pub(super) struct Hunt<'a> {
     registrar: &'a Registrar,
@@ -43,7 +46,10 @@ pub(super) struct Hunt<'a> {
 /// Say whether a theta explains a frame: the whole contour and both regions, or a part of the contour and one region wholly.
 pub(super) fn accepts(pattern: &Pattern, view: &Sight, quality: &Quality) -> bool {
     // Of normal distances the median is .67 deviations; blur bends edges, and hidden parts end in corners.
-    let crisp = |more: f64| quality.median < more + 0.02 * quality.blur.powi(2) + 0.9 * quality.expected;
+    let unsharp = 0.02 * quality.blur.powi(2) + 0.9 * quality.expected;
+    let crisp = |more: f64| quality.median < more + unsharp;
+    // Edges that may be so far off tell nothing where a part of the contour is missing: a wrong pose had two thirds of it.
+    let in_part = |more: f64| unsharp < UNSHARP && crisp(more);
     // Noise of the coverage near the boundary makes regions differ.
     let boundary = pattern.outline.spacing * pattern.outline.places.len() as f64;
     // So does blur, which the mapped reference does not have.
@@ -56,7 +62,7 @@ pub(super) fn accepts(pattern: &Pattern, view: &Sight, quality: &Quality) -> boo
     let scattered = quality.share * quality.visible > 0.5 && quality.gap < 0.2 && quality.one_sided() > 0.96;
     // Nearly the whole contour, and nothing of the pattern missing, whatever else the frame shows.
     let whole = quality.share * quality.visible > 0.9 && quality.reference_explained > 0.95 && quality.gap < 0.05;
-    (whole && crisp(0.06)) || (complete && crisp(0.04)) || ((partly || scattered) && crisp(0.01))
+    (whole && crisp(0.06)) || (complete && crisp(0.04)) || ((partly || scattered) && in_part(0.01))
 }
 
 impl<'a> Hunt<'a> {
