@@ -35,12 +35,6 @@ use covariance::sampling_covariance;
 use representatives::representatives;
 use stages::stages;
 
-/// Weighting of the preset `auto`.
-const WEIGHTED: &str = "two-step";
-
-/// Solver where neither the user nor the model names one.
-const SOLVER: &str = "levenberg-marquardt";
-
 /// Thetas (ambient) this close to each other are one.
 const SAME: f64 = 1e-6;
 
@@ -188,8 +182,7 @@ impl MomentEstimator {
                 return Err(Error::Unsupported(problem));
             }
         };
-        let solver =
-            stage.solver.as_deref().or(self.settings.solver.as_deref()).or(model.solver).unwrap_or(SOLVER).to_string();
+        let solver = self.settings.solver_of(&stage, model).to_string();
         let solver_built = registry.solver(&solver)?;
         let stage = Stage { normaliser: Some(name), solver: Some(solver), ..stage };
         Ok(ReadyStage { stage, problem, solver: solver_built, weighting, squares })
@@ -244,7 +237,8 @@ impl MomentEstimator {
     /// [`Error`] for a start strategy that does not apply and misuse of a solver; not converging is a status.
     pub fn solve(&self, mut supervision: Supervision<'_>) -> Result<Estimate, Error> {
         let interrupt = Interrupt::new(supervision.cancel, supervision.deadline);
-        let mut reports: Vec<StageReport> = self.stages.iter().map(|ready| nothing_done(&ready.stage.name)).collect();
+        let mut reports: Vec<StageReport> =
+            self.stages.iter().map(|ready| StageReport::new(&ready.stage.name)).collect();
         let (mut iterations, mut found): (usize, Vec<Found>) = (0, Vec::new());
         let starts = self.starts()?;
         for start in &starts {
@@ -366,9 +360,4 @@ impl MomentEstimator {
     fn sampling(&self) -> Sampling {
         self.settings.sampling.unwrap_or(Sampling::Independent)
     }
-}
-
-/// Begin a report.
-fn nothing_done(name: &str) -> StageReport {
-    StageReport { name: name.to_string(), solves: 0, evaluations: 0, rejected: 0 }
 }

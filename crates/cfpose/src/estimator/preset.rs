@@ -14,7 +14,7 @@ const COARSE_POINTS: usize = 800;
 const TURNS: usize = 12;
 
 /// Weighting of the last stage.
-const WEIGHTED: &str = "two-step";
+pub(super) const WEIGHTED: &str = "two-step";
 
 /// Return the pipeline of a model.
 ///

@@ -2,8 +2,8 @@
 
 use cfpose_kernel::moments::GatheredMoments;
 
-use super::WEIGHTED;
 use crate::error::Error;
+use crate::estimator::preset::WEIGHTED;
 use crate::estimator::{NoiseModel, Outliers, Pipeline, Settings, Stage};
 
 /// Return the stages to run, what was given beside the preset put into the last one.
