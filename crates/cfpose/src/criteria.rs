@@ -164,8 +164,8 @@ criteria! {
     fine_points: [usize; 2] = [1000, 400], "points",
         "a budget; nats are those of so many points";
     /// Deviation of a direction under the smoothed likelihood from which on it is walked along.
-    weak: f64 = 0.02, "radians, sizes of the source",
-        "chosen: determined directions of 400 points have a tenth of it";
+    weak: f64 = 0.01, "radians, sizes of the source",
+        "a body of revolution without noise has .017 to .06; a walk along a determined direction costs two ascents";
     /// Expected number of thetas as good by chance (base 10 logarithm) above which a fit is suspect.
     false_alarms: f64 = -3.0, "log10",
         "one in a thousand estimates of unrelated points";

@@ -102,19 +102,57 @@ impl Search<'_> {
                 self.add_copies(&fine, shape, &mut fits);
             }
         }
+        fits.iter_mut().for_each(|fit| self.add_prior(fit));
+        let all = self.completed(&fine, self.distinct(&fine, fits));
+        let gain = all.first().map_or(0.0, |mode| mode.fit.log_likelihood - fine.chance());
+        Ok((!all.is_empty()).then_some(Modes { all, gain }))
+    }
+
+    fn add_prior(&self, fit: &mut Fit) {
         if let Some(prior) = &self.parts.prior {
-            fits.iter_mut().for_each(|fit| fit.log_likelihood += prior.log_density(&fit.theta));
+            fit.log_likelihood += prior.log_density(&fit.theta);
         }
+    }
+
+    /// Sort fits, most likely first, and leave out those that are the same as a better one.
+    fn distinct(&self, fine: &PointsLikelihood<'_>, mut fits: Vec<Fit>) -> Vec<Mode> {
         fits.sort_by(|a, b| b.log_likelihood.total_cmp(&a.log_likelihood));
         let mut all: Vec<Mode> = Vec::new();
         for fit in fits {
             if all.iter().all(|mode| self.apart(&mode.fit.theta, &fit.theta) > ONE_MODE) {
-                let behind = all.first().map_or(Behind::default(), |best| behind(&fine, &best.fit, &fit));
+                let behind = all.first().map_or(Behind::default(), |best| behind(fine, &best.fit, &fit));
                 all.push(Mode { fit, behind });
             }
         }
-        let gain = all.first().map_or(0.0, |mode| mode.fit.log_likelihood - fine.chance());
-        Ok((!all.is_empty()).then_some(Modes { all, gain }))
+        all
+    }
+
+    /// Add the modes that the symmetries of the source make of the equal ones, until there are no new ones or enough.
+    fn completed(&self, fine: &PointsLikelihood<'_>, mut all: Vec<Mode>) -> Vec<Mode> {
+        let most = self.parts.criteria.polished[1];
+        let mut tried: Vec<Vec<f64>> = Vec::new();
+        loop {
+            let mut proposed = self.symmetric(&all, &tried);
+            proposed.truncate(most.saturating_sub(tried.len()));
+            if proposed.is_empty() || self.interrupt.is_raised() {
+                return all;
+            }
+            let best = all.first().map_or(f64::NEG_INFINITY, |mode| mode.fit.log_likelihood);
+            let mut fits: Vec<Fit> = all.into_iter().map(|mode| mode.fit).collect();
+            for theta in proposed {
+                let fit = fine.ascend(&theta, Kernel::Shape, 30, best);
+                tried.push(theta);
+                if let Some(mut fit) = fit.filter(|fit| self.is_usable(fit)) {
+                    self.add_prior(&mut fit);
+                    fits.push(fit);
+                }
+            }
+            all = self.distinct(fine, fits);
+        }
+    }
+
+    fn is_usable(&self, fit: &Fit) -> bool {
+        fit.log_likelihood.is_finite() && self.is_plausible(&fit.theta)
     }
 
     /// Prepare the likelihood that modes are compared by.
@@ -237,7 +275,7 @@ impl Search<'_> {
         for (_, theta) in starts {
             let most = most_likely(&fits).map_or(f64::NEG_INFINITY, |fit| fit.log_likelihood);
             let fit = coarse.ascend(&theta, Kernel::Shape, 12, most);
-            fits.extend(fit.filter(|fit| fit.log_likelihood.is_finite() && self.is_plausible(&fit.theta)));
+            fits.extend(fit.filter(|fit| self.is_usable(fit)));
         }
         fits
     }
@@ -249,8 +287,7 @@ impl Search<'_> {
         let has_all = 4 * fine.mover.len() > 3 * self.last().all_source.len();
         let copies =
             has_all.then(|| fine.ascend(&shape.theta, Kernel::Copies, 8, most.max(shape.log_likelihood))).flatten();
-        let usable = |fit: &Fit| fit.log_likelihood.is_finite() && self.is_plausible(&fit.theta);
-        fits.extend([Some(shape), copies].into_iter().flatten().filter(usable));
+        fits.extend([Some(shape), copies].into_iter().flatten().filter(|fit| self.is_usable(fit)));
     }
 }
 

@@ -77,7 +77,7 @@ impl PointsLikelihood<'_> {
             inliers += kernels.responsibilities(placed, j, &mut shares).1;
             for (at, (share, k)) in shares.iter().zip(placed.near_to(j)).enumerate() {
                 if *share > NEGLIGIBLE {
-                    let [on, off] = placed.squares[j * placed.each + at];
+                    let [on, off] = placed.distances[j * placed.each + at];
                     let precision = Precision::of(&placed.frames[*k as usize], mixture);
                     precision.add_variance(on, off, *share, placed.mapped.dim, &mut variance);
                 }
