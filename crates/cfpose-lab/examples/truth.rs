@@ -126,7 +126,7 @@ fn describe(estimate: &cfpose::Estimate) -> String {
     let j = estimate.statistics.as_ref().map_or(f64::NAN, |s| s.p_value);
     let evidence = estimate.evidence.map_or(String::new(), |e| {
         format!(
-            "nfa {:.1} gap {:.1} z {:.1} unseen {:.3} clutter {:.3} noise {:.4} sd {:.4} copies {} coh {:.2} und {}",
+            "nfa {:.1} gap {:.1} z {:.1} unseen {:.3} clutter {:.3} noise {:.4} sd {:.4} copies {} mis {:.3} coh {:.2} und {}",
             e.log10_false_alarms,
             e.second_mode_nats,
             e.second_mode_deviations,
@@ -135,6 +135,7 @@ fn describe(estimate: &cfpose::Estimate) -> String {
             e.noise,
             e.deviation,
             e.copies,
+            e.coherence,
             estimate.support.map_or(f64::NAN, |s| s.coherence),
             estimate.undetermined.len()
         )

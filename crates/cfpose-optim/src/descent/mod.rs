@@ -108,9 +108,6 @@ const STALL_COSINE: f64 = 1e-6;
 /// Relative rise of the cost that rounding may cause where residuals are small differences of large numbers.
 pub(crate) const ROUNDING_RISE: f64 = 1e-9;
 
-/// Relative decrease that a full step may promise and miss because of rounding.
-const ROUNDING_PROMISE: f64 = 1e-12;
-
 /// Accepted trials in a row that gain nothing worth a tolerance.
 const CRAWL_LIMIT: usize = 20;
 
@@ -239,8 +236,8 @@ impl<'p> State<'p> {
         let near = full || cosine <= STALL_COSINE;
         let cost_holds = |t: f64| match accepted {
             true => within(t),
-            // A full step that promises hardly more than the tolerance and still brings a rise shows rounding, not a way down.
-            false => predicted.abs() <= t.max(ROUNDING_PROMISE) && actual.abs() <= ROUNDING_RISE,
+            // A full step that promises no more than the tolerance and still brings a rise shows rounding, not a way down.
+            false => predicted.abs() <= t && actual.abs() <= ROUNDING_RISE,
         };
         if near && stopping.cost_tolerance.is_some_and(cost_holds) {
             let message = format!("relative decrease of the cost {actual:.3e}, predicted {predicted:.3e}");

@@ -22,6 +22,7 @@ use crate::geometry::linalg::{add_outer, symmetrise};
 use crate::problem::MomentProblem;
 
 pub(crate) mod align;
+mod coherence;
 mod covariance;
 mod fit;
 mod kernels;
@@ -55,7 +56,7 @@ pub(crate) struct Mixture {
 /// Lists of neighbours are kept while no source point moves by more than this share of how far they reach.
 const SAME_NEIGHBOURS: f64 = 0.15;
 /// Responsibilities below this are left out of the derivatives.
-const NEGLIGIBLE: f64 = 1e-4;
+const NEGLIGIBLE: f64 = 1e-7;
 
 /// A source that moves and a target: the data of the likelihood.
 pub(crate) struct PointsLikelihood<'a> {
@@ -68,6 +69,8 @@ pub(crate) struct PointsLikelihood<'a> {
     log_uniform: f64,
     /// Median distance of the target points to their median point.
     pub size: f64,
+    /// Noise is at most this share of the target's size.
+    most_noise: f64,
     /// Source points near a target point that may explain it, at most.
     neighbours: usize,
     /// When to end early: alignments and ascents then return nothing.
@@ -141,6 +144,7 @@ impl<'a> PointsLikelihood<'a> {
             target,
             log_uniform,
             size,
+            most_noise: mixture::SIGMA[1],
             neighbours,
             interrupt: Interrupt::default(),
         })
@@ -149,6 +153,11 @@ impl<'a> PointsLikelihood<'a> {
     /// Let alignments and ascents end early.
     pub fn with_interrupt(self, interrupt: Interrupt<'a>) -> Self {
         Self { interrupt, ..self }
+    }
+
+    /// Let the noise be at most this share of the target's size.
+    pub fn with_noise_below(self, most_noise: f64) -> Self {
+        Self { most_noise: most_noise.clamp(2.0 * mixture::SIGMA[0], mixture::SIGMA[1]), ..self }
     }
 
     /// Return the log likelihood of a target that is all clutter: the null hypothesis of [`PointsLikelihood::evidence`].

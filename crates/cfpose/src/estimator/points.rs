@@ -29,6 +29,9 @@ pub struct Evidence {
     pub noise: f64,
     /// Root of the trace of the covariance of theta: radians, lengths in sizes of the source.
     pub deviation: f64,
+    /// Share of the variance of the distances along normals that neighbouring target points have in common: about 0 for noise; large where
+    /// the noise that fits best has swallowed a misfit.
+    pub coherence: f64,
     /// Whether the target holds copies of source points rather than new draws from the shape.
     pub copies: bool,
 }
@@ -108,7 +111,10 @@ impl Search<'_> {
     /// Polish a mode on all points; `None` where the likelihood cannot be computed.
     fn polished(&self, modes: &Modes, chosen: &Mode) -> Result<Option<(PointFit, Evidence)>, Error> {
         let target_points = self.pipeline.points.as_ref().map_or(0, |points| points.target_points);
-        let Some(full) = self.wide_enough(&chosen.fit, target_points)? else { return Ok(None) };
+        let Some(mut full) = self.wide_enough(&chosen.fit, target_points)? else { return Ok(None) };
+        if let Some(most) = modes.most_noise {
+            full = full.with_noise_below(most);
+        }
         // All points say better than some whether they are copies.
         let kernel =
             full.likely_kernel(&chosen.fit.theta, self.parts.criteria.mode_nats).unwrap_or(chosen.fit.mixture.kernel);
@@ -158,6 +164,7 @@ impl Search<'_> {
             unseen_target: fit.mixture.clutter,
             noise: fit.mixture.sigma / full.size,
             deviation,
+            coherence: full.coherence(placed, &fit.mixture),
             copies: fit.mixture.kernel == Kernel::Copies,
         }
     }

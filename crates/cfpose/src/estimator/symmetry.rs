@@ -60,11 +60,27 @@ impl Search<'_> {
             for map in &maps {
                 for symmetry in inverse.iter().chain([&symmetry]) {
                     let theta = self.of_affine(equal[0], &map.after(symmetry));
-                    found.extend(theta.filter(|theta| self.is_plausible(theta) && !known(theta, &found)));
+                    let reached = theta.and_then(|theta| self.reached(theta, equal[0]));
+                    let new = reached.filter(|theta| !known(theta, &found));
+                    found.extend(new);
                 }
             }
         }
         found
+    }
+
+    /// Return theta with what is fixed as it is `from` where the free parameters lead; `None` where they do not lead there, or where the
+    /// scene is impossible.
+    fn reached(&self, mut theta: Vec<f64>, from: &[f64]) -> Option<Vec<f64>> {
+        let own = self.last().own();
+        if let Some(freedom) = self.parts.freedom.as_ref().map(|freedom| freedom.at(&from[..own])) {
+            if !freedom.admits(&theta[..own]) {
+                return None;
+            }
+            let held = freedom.hold(&theta[..own]);
+            theta[..own].copy_from_slice(&held);
+        }
+        self.is_plausible(&theta).then_some(theta)
     }
 
     /// Return the map of the source that theta stands for: of poses, and of models that are linear maps.
