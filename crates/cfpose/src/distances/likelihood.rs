@@ -71,6 +71,8 @@ pub(crate) struct PointsLikelihood<'a> {
     pub size: f64,
     /// Noise is at most this share of the target's size.
     most_noise: f64,
+    /// Share of the source that may be called hidden.
+    most_hidden: f64,
     /// Source points near a target point that may explain it, at most.
     neighbours: usize,
     /// When to end early: alignments and ascents then return nothing.
@@ -145,6 +147,7 @@ impl<'a> PointsLikelihood<'a> {
             log_uniform,
             size,
             most_noise: mixture::SIGMA[1],
+            most_hidden: weights::MOST_HIDDEN[0],
             neighbours,
             interrupt: Interrupt::default(),
         })
@@ -155,9 +158,10 @@ impl<'a> PointsLikelihood<'a> {
         Self { interrupt, ..self }
     }
 
-    /// Let the noise be at most this share of the target's size.
+    /// Let the noise be at most this share of the target's size, and more of the source be hidden.
     pub fn with_noise_below(self, most_noise: f64) -> Self {
-        Self { most_noise: most_noise.clamp(2.0 * mixture::SIGMA[0], mixture::SIGMA[1]), ..self }
+        let most_noise = most_noise.clamp(2.0 * mixture::SIGMA[0], mixture::SIGMA[1]);
+        Self { most_noise, most_hidden: weights::MOST_HIDDEN[1], ..self }
     }
 
     /// Return the log likelihood of a target that is all clutter: the null hypothesis of [`PointsLikelihood::evidence`].

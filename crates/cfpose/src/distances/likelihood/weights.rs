@@ -6,8 +6,8 @@ use super::{Mixture, Placed, PointsLikelihood};
 const CAPACITY: [f64; 2] = [2.0, 3.0];
 /// A neighbourhood with less than this share of its even share is not seen.
 const SEEN: f64 = 0.25;
-/// Share of the source that may be called hidden.
-const MOST_HIDDEN: f64 = 0.7;
+/// Share of the source that may be called hidden; where the noise is held below a bound, which no blob of clutter looks like.
+pub(super) const MOST_HIDDEN: [f64; 2] = [0.5, 0.7];
 /// What a hidden part costs: to say where it is, in nats.
 const HIDDEN_NATS: f64 = 10.0;
 /// Less than this share is not worth saying.
@@ -23,7 +23,7 @@ impl PointsLikelihood<'_> {
         let weights: Vec<f64> = self.log_weights.iter().map(|log| log.exp()).collect();
         let hidden = self.shape.below(&mass, &weights, inliers, SEEN);
         let share: f64 = hidden.iter().zip(&weights).filter(|(hidden, _)| **hidden).map(|(_, w)| w).sum();
-        let has_hidden = share > LEAST_HIDDEN && share < MOST_HIDDEN;
+        let has_hidden = share > LEAST_HIDDEN && share < self.most_hidden;
         if has_hidden {
             let rest = -(1.0 - share).ln();
             placed.cost = HIDDEN_NATS;
