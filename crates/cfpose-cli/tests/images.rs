@@ -75,6 +75,12 @@ fn a_design_in_millimetres_is_found_in_a_frame() {
     assert!(desk.fails(3, "register broken.csv frame.png").contains("line 3"));
 }
 
+/// Return the standard deviations of a place (y, x from the centre of the turn) under the covariance of angle and translation.
+fn shift_deviations(covariance: &Value, [y, x]: [f64; 2]) -> [f64; 2] {
+    let at = |i: usize, j: usize| covariance[i][j].as_f64().unwrap_or(f64::NAN);
+    [(-y, 1), (x, 2)].map(|(arm, k)| (arm * arm * at(0, 0) + 2.0 * arm * at(0, k) + at(k, k)).sqrt())
+}
+
 #[test]
 fn regions_shifted_by_parts_of_a_pixel_do_not_lock_onto_the_lattice() {
     let desk = Desk::new();
@@ -92,23 +98,36 @@ fn regions_shifted_by_parts_of_a_pixel_do_not_lock_onto_the_lattice() {
             rows.fold("x,y,w\n".to_string(), |text, (x, y, w)| text + &format!("{x},{y},{w:.4}\n")),
         );
         let codes: Vec<u8> = drawn.values().iter().map(|v| if *v > 0.5 { 255 } else { 0 }).collect();
-        let picture = cfpose_vision::Picture::from_grey(220, 220, &codes).unwrap();
-        desk.write(&format!("{name}.png"), to_png(&picture.to_rgb()).unwrap());
+        let shares: Vec<u8> = drawn.values().iter().map(|v| (40.0 + 160.0 * v).round() as u8).collect();
+        for (kind, codes) in [("png", codes), ("soft.png", shares)] {
+            let picture = cfpose_vision::Picture::from_grey(220, 220, &codes).unwrap();
+            desk.write(&format!("{name}.{kind}"), to_png(&picture.to_rgb()).unwrap());
+        }
     };
     write("still", [0.0, 0.0]);
     for shift in [[0.25, 0.3], [0.5, 0.3], [0.75, 0.3]] {
         write("moved", shift);
-        for (kind, limit) in [("csv", 0.02), ("png", 0.1)] {
-            let line = format!("estimate --model rigid2 --source still.{kind} --target moved.{kind} --json -");
-            let run = desk.run(&line);
-            assert!(run.code == 0 || run.code == 4, "{line}: {}", run.err);
-            let value: Value = serde_json::from_str(&run.out).unwrap();
+        for (command, kind, limit) in [
+            ("estimate --model rigid2 --source still.csv --target moved.csv", "estimate csv", 0.02),
+            ("estimate --model rigid2 --source still.png --target moved.png", "estimate png", 0.1),
+            ("register still.png moved.png --model rigid2", "register png", 0.1),
+            ("register still.soft.png moved.soft.png --model rigid2 --transfer linear", "register soft png", 0.02),
+        ] {
+            let run = desk.run(&format!("{command} --json -"));
+            assert!(run.code == 0 || run.code == 4, "{command}: {}", run.err);
+            let value: Value = match command.starts_with("register") {
+                true => first_line(&run.out),
+                false => serde_json::from_str(&run.out).unwrap(),
+            };
             let theta: Vec<f64> = value["theta"].as_array().unwrap().iter().map(|v| v.as_f64().unwrap()).collect();
             let (sine, cosine) = theta[0].sin_cos();
             let centre = [cosine * 110.0 - sine * 110.0 + theta[1], sine * 110.0 + cosine * 110.0 + theta[2]];
             let off = [0, 1].map(|d| (centre[d] - 110.0 - shift[d]).abs());
-            println!("{kind} {shift:?}: {off:.4?} {}", value["verdict"]);
+            let sd = shift_deviations(&value["covariance"], [centre[1] - theta[2], centre[0] - theta[1]]);
+            println!("{kind} {shift:?}: {off:.4?} {} sd {sd:.4?}", value["verdict"]);
             assert!(off.iter().all(|v| *v < limit), "{kind} {shift:?}: {off:?}");
+            let wide = (0..2).any(|d| off[d] > 4.0 * sd[d]);
+            assert!(!(wide && value["verdict"] == "good"), "{kind} {shift:?}: {off:?} with {sd:?} is good");
         }
     }
 }

@@ -1,6 +1,7 @@
 //! Images as light: decoded, with the camera's transfer function undone.
 
 mod decode;
+mod hue;
 mod transfer;
 
 use std::path::Path;
@@ -12,6 +13,7 @@ use crate::error::{Fault, FileError, Flaw};
 use crate::raster::Raster;
 
 pub(crate) use decode::decode_image;
+pub use hue::{Filter, Hue, HueError};
 pub use transfer::Transfer;
 
 /// Code values from which a pixel counts as over-exposed, as a share of the largest.

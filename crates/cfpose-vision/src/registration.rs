@@ -9,7 +9,10 @@ mod bend;
 mod edges;
 mod fit;
 mod follow;
+mod grey_hunt;
+mod greys;
 mod hunt;
+mod joint;
 mod mapper;
 mod moments;
 mod pattern;
@@ -25,6 +28,7 @@ mod view;
 
 pub use fit::{ContourFit, Schedule};
 pub use follow::Missed;
+pub use greys::Greys;
 pub use pattern::{Outline, Pattern};
 pub use quality::Quality;
 pub use registrar::{Registered, Registrar, RegistrarError, Rival};

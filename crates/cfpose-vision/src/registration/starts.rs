@@ -74,6 +74,17 @@ impl<'a> Disturbed<'a> {
         self.registrar.held_at_start(&turned, theta)
     }
 
+    /// Return thetas tilted to four sides about the pattern's centre; none for models without a rotation.
+    pub fn tilted(&self, theta: &[f64]) -> Vec<Vec<f64>> {
+        const SIDES: [[f64; 2]; 4] = [[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]];
+        let layout = &self.registrar.model().layout;
+        if layout.range("rotation") != Some(0..9) || layout.range("translation") != Some(9..12) {
+            return Vec::new();
+        }
+        let tilted = SIDES.map(|[x, y]| self.pose(theta, &[x, y, 0.0, 0.0, 0.0, 0.0], 0.5));
+        tilted.iter().map(|tilted| self.registrar.held_at_start(tilted, theta)).collect()
+    }
+
     /// Move and scale a theta so that the pattern's centre and area are those of the frame's region; fixed parameters stay.
     pub fn centred(&self, theta: &[f64], view: &super::view::View) -> Vec<f64> {
         let target = view.points[0].mean();
