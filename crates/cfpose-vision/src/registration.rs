@@ -16,6 +16,7 @@ mod joint;
 mod mapper;
 mod moments;
 mod pattern;
+mod periods;
 mod predicted;
 mod problem;
 mod quality;

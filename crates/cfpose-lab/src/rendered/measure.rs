@@ -75,7 +75,12 @@ pub struct RenderedSummary {
 
 /// Register the trials of a cell, as many at once as the pool has threads.
 pub fn measure(cell: &RenderedCell, seed: u64, trials: u64) -> Vec<RenderedRow> {
-    (0..trials).into_par_iter().map(|number| row(cell, &draw(cell, seed, number), number)).collect()
+    (0..trials).into_par_iter().map(|number| measure_one(cell, seed, number)).collect()
+}
+
+/// Register one trial of a cell.
+pub fn measure_one(cell: &RenderedCell, seed: u64, number: u64) -> RenderedRow {
+    row(cell, &draw(cell, seed, number), number)
 }
 
 fn row(cell: &RenderedCell, trial: &RenderedTrial, number: u64) -> RenderedRow {

@@ -4,6 +4,7 @@ use cfpose::{Points, PointsError};
 
 use super::edges::{self, Levels};
 use super::greys::Greys;
+use super::periods::periods;
 use crate::camera::Camera;
 use crate::contours::contours_of;
 use crate::options::Foreground;
@@ -48,6 +49,8 @@ pub struct Pattern {
     pub area: f64,
     /// Its greys where it has several; `None` for one of one grey, and for a design.
     pub greys: Option<Greys>,
+    /// Shifts on the plane z = 1 under which most of its outline falls on itself.
+    pub periods: Vec<[f64; 2]>,
     /// Places in the middle of blocks of pixels and their coverage, coarse and fine.
     pub points: [Points; 2],
 }
@@ -81,7 +84,8 @@ impl Pattern {
         let outline = outline(&coverage, camera, noise)?;
         let steps = steps(area);
         let points = [weighted(&coverage, camera, steps[0])?, weighted(&coverage, camera, steps[1])?];
-        Ok(Self { coverage, camera, outline, level: None, dark: true, area, greys: None, points })
+        let periods = periods(&outline, camera.focal());
+        Ok(Self { periods, coverage, camera, outline, level: None, dark: true, area, greys: None, points })
     }
 }
 

@@ -34,6 +34,9 @@ const BLURRED: f64 = 1.2;
 /// Two tilts are two where the tangent step between them is longer than this.
 const SAME: f64 = 0.03;
 
+/// What is said where a shift fits as well.
+const REPEATED: &str = "the pattern repeats itself, and shifted by one of its periods it fits nearly as well";
+
 /// How often a better tilt takes the place of the best one.
 const BETTER: usize = 3;
 
@@ -222,6 +225,7 @@ impl Registrar {
     pub(super) fn finished(&self, mut hunt: Hunt, seed: u64) -> Option<Registered> {
         let (outlined, pattern, view) = (hunt.outlined, hunt.pattern, hunt.view);
         let (theta, quality, _) = hunt.best.clone()?;
+        let (theta, quality, repeated) = self.among_shifts(outlined, pattern, view, theta, quality);
         let (theta, mut quality, mut rivals) = self.tilts(outlined, pattern, view, theta, quality);
         let (mut settled, mut covariance, mut crisp) = self.settled(outlined, pattern, view, theta, &quality);
         if !crisp && hunt.improve(seed) {
@@ -233,8 +237,10 @@ impl Registrar {
         let accepted = accepts(pattern, view, &quality);
         let (theta, starts, by) = (settled, hunt.starts, hunt.best.map_or("", |(_, _, by)| by));
         let support = if view.field.is_greys() { SUPPORT_OF_GREYS } else { SUPPORT };
-        let verdict = FrameVerdict::of(&quality, accepted && crisp, rivals.first().map(|rival| rival.ratio), support);
-        Some(Registered { theta, quality, verdict, covariance, rivals, starts, by, warnings: Vec::new() })
+        let ratio = rivals.first().map(|rival| rival.ratio).filter(|_| !repeated).or(repeated.then_some(1.0));
+        let verdict = FrameVerdict::of(&quality, accepted && crisp, ratio, support);
+        let warnings = repeated.then(|| REPEATED.to_string()).into_iter().collect();
+        Some(Registered { theta, quality, verdict, covariance, rivals, starts, by, warnings })
     }
 
     /// Fit once more on a smoothed frame where noise moves edges by more than a tenth of a pixel; return theta, its
