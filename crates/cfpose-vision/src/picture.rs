@@ -89,9 +89,13 @@ impl Picture {
     /// Return light from 0 to 1: code values with the transfer function undone, of colours the luminance of ITU-R BT.709.
     pub fn light(&self, transfer: Transfer) -> Raster {
         let table = transfer.table(self.bytes);
-        let shift = if self.bytes { 8 } else { 0 };
-        let light =
-            |plane: &[u16]| -> Vec<f32> { plane.iter().map(|code| table[usize::from(*code >> shift)]).collect() };
+        let light = |plane: &[u16]| -> Vec<f32> {
+            match <&[f32; 256]>::try_from(table.as_slice()) {
+                // Any byte is an index of this table: nothing is checked per pixel.
+                Ok(table) => plane.iter().map(|code| table[usize::from((*code >> 8) as u8)]).collect(),
+                Err(_) => plane.iter().map(|code| table[usize::from(*code)]).collect(),
+            }
+        };
         let values = match self.planes.as_slice() {
             [red, green, blue] => {
                 let mut sum: Vec<f32> = light(red).iter().map(|v| 0.2126 * v).collect();

@@ -24,6 +24,7 @@ mod registrar;
 mod seen;
 mod sight;
 mod starts;
+mod tilts;
 mod verdict;
 mod view;
 

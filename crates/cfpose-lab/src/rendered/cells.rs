@@ -13,6 +13,8 @@ pub struct RenderedCell {
     pub tilt: f64,
     /// Radius of the pattern in the reference, pixels.
     pub radius: f64,
+    /// Largest turn in the plane, degrees.
+    pub turn: f64,
     /// Largest shift across the line of sight, depths.
     pub shift: f64,
     /// What happens to the frame's light.
@@ -46,11 +48,11 @@ const CALM: Exposure = Exposure {
 const OUTDOOR: Exposure = Exposure { gradient: 0.3, motion: 4.0, noise: 4.0, transfer: Transfer::Srgb, ..CALM };
 
 const fn complete(name: &'static str, tilt: f64, exposure: Exposure) -> RenderedCell {
-    RenderedCell { name, tilt, radius: 150.0, shift: 0.08, exposure, hidden: Hidden::Nothing, free: ALL }
+    RenderedCell { name, tilt, turn: 25.0, radius: 150.0, shift: 0.08, exposure, hidden: Hidden::Nothing, free: ALL }
 }
 
 const fn occluded(name: &'static str, hidden: Hidden) -> RenderedCell {
-    RenderedCell { name, tilt: 25.0, radius: 150.0, shift: 0.08, exposure: CALM, hidden, free: ALL }
+    RenderedCell { name, tilt: 25.0, turn: 25.0, radius: 150.0, shift: 0.08, exposure: CALM, hidden, free: ALL }
 }
 
 /// All conditions: those of docs/vision.md.
@@ -81,5 +83,6 @@ pub const CELLS: &[RenderedCell] = &[
     occluded("greys30", Hidden::Greys { share: 0.3 }),
     RenderedCell { free: ON_WHEELS, ..complete("wheels", 45.0, CALM) },
     RenderedCell { free: LEVEL, ..complete("level", 45.0, CALM) },
+    RenderedCell { turn: 180.0, ..complete("anywhere", 60.0, CALM) },
     RenderedCell { exposure: OUTDOOR, ..occluded("outdoor", Hidden::Greys { share: 0.1 }) },
 ];

@@ -119,7 +119,7 @@ fn pose(rng: &mut ChaCha12Rng, cell: &RenderedCell, outline: &[[f64; 2]]) -> Vec
     loop {
         let direction = rng.random_range(0.0..std::f64::consts::TAU);
         let tilt = rng.random_range(0.0..cell.tilt).to_radians();
-        let turn = rng.random_range(-25.0_f64..25.0).to_radians();
+        let turn = rng.random_range(-cell.turn..cell.turn).to_radians();
         let moves = |column: usize| cell.free.contains(&column);
         let tilted = match moves(0) {
             true => rotation_exp(&[tilt * direction.cos(), tilt * direction.sin(), 0.0]),
