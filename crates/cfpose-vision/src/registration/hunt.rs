@@ -31,9 +31,6 @@ const CLEARLY: f64 = 0.9;
 /// Pixels by which blur and noise may move edges where a part of the contour is enough.
 const UNSHARP: f64 = 0.2;
 
-/// Median distance of the edges of a printed design, pixels.
-const PRINTED: f64 = 0.12;
-
 /// The state of a search for a theta.
 pub(super) struct Hunt<'a> {
     pub registrar: &'a Registrar,
@@ -66,15 +63,9 @@ pub(super) fn accepts(pattern: &Pattern, view: &Sight, quality: &Quality) -> boo
     let partly = quality.share > 0.45 && quality.one_sided() > 0.9972 - slack;
     // Half of the contour and more on all sides of the pattern, between small things that hide the rest.
     let scattered = quality.share * quality.visible > 0.5 && quality.gap < 0.2 && quality.one_sided() > 0.96;
-    // A printed design is known to a tenth of a pixel: ink, lens, a board that is not quite flat.
-    let printed = pattern.level.is_none()
-        && quality.share * quality.visible > 0.84
-        && quality.gap < 0.1
-        && quality.reference_explained > 0.9
-        && crisp(PRINTED);
     // Nearly the whole contour, and nothing of the pattern missing, whatever else the frame shows.
     let whole = quality.share * quality.visible > 0.9 && quality.reference_explained > 0.95 && quality.gap < 0.05;
-    printed || (whole && crisp(0.06)) || (complete && crisp(0.04)) || ((partly || scattered) && in_part(0.01))
+    (whole && crisp(0.06)) || (complete && crisp(0.04)) || ((partly || scattered) && in_part(0.01))
 }
 
 /// Say whether steps between greys are explained: half of them, on all sides and of all kinds, or nearly all where edges are blurred.

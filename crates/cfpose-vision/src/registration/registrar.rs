@@ -182,7 +182,7 @@ impl Registrar {
     }
 
     pub(super) fn outlined(&self, pattern: &Pattern) -> Result<Outlined, PointsError> {
-        self.outlined_of(&pattern.outline, 1).map(|outlined| Outlined { printed: pattern.level.is_none(), ..outlined })
+        self.outlined_of(&pattern.outline, 1)
     }
 
     pub(super) fn outlined_of(&self, outline: &Outline, every: usize) -> Result<Outlined, PointsError> {
