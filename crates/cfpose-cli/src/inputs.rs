@@ -10,6 +10,7 @@ mod weights;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use cfpose::entry::files_of;
 use cfpose::estimator::Pipeline;
 use cfpose::free::{Frame, columns, find_columns};
 use cfpose::homography::in_file_units;
@@ -18,6 +19,7 @@ use cfpose::theta::{Layout, RotationForm};
 use cfpose::{
     BuildContext, BuildError, Estimator, Execution, Isa, Model, Points, PointsError, Pose, Registry, Settings, Start,
 };
+use cfpose_lab::method::stages;
 use cfpose_vision::Camera;
 
 use crate::args::{FrameName, ProblemArgs, Reflections};
@@ -167,40 +169,7 @@ fn reflect(
 fn pipeline(path: &Path) -> Result<Pipeline, Failure> {
     let text = std::fs::read_to_string(path)
         .map_err(|error| Failure::input(format!("{}: cannot be read: {error}", path.display())))?;
-    let pipeline: Pipeline = toml::from_str(&text).map_err(|error| {
-        let line = error.span().map_or(1, |span| text[..span.start].matches('\n').count() + 1);
-        Failure::input(format!("{}: line {line}: {}", path.display(), error.message()))
-    })?;
-    if pipeline.stages.is_empty() {
-        return Err(Failure::input(format!("{}: no [[stage]]; an estimator has at least one", path.display())));
-    }
-    Ok(pipeline)
-}
-
-/// Look every name of a pipeline file up: a wrong one is a fault of the file.
-fn check_names(pipeline: &Pipeline, registry: &Registry) -> Result<(), String> {
-    let context = BuildContext::default();
-    // What depends on data is built with them.
-    let wrong = |result: Result<(), cfpose::Error>| result.err().filter(is_wrong_name);
-    for stage in &pipeline.stages {
-        let named = [
-            wrong(registry.family(&stage.features, &context).map(drop)),
-            wrong(registry.weighting(&stage.weighting).map(drop)),
-            stage.model.as_ref().and_then(|name| wrong(registry.model(name, &context).map(drop))),
-            stage.normaliser.as_ref().and_then(|name| wrong(registry.normaliser(name).map(drop))),
-            stage.solver.as_ref().and_then(|name| wrong(registry.solver(name).map(drop))),
-        ];
-        if let Some(error) = named.into_iter().flatten().next() {
-            return Err(format!("stage `{}`: {error}", stage.name));
-        }
-    }
-    let points = pipeline.points.as_ref().and_then(|points| points.start.as_ref());
-    for (key, name) in [("global-start", pipeline.global_start.as_ref()), ("[points] start", points)] {
-        if let Some(error) = name.and_then(|name| wrong(registry.start(name).map(drop))) {
-            return Err(format!("{key}: {error}"));
-        }
-    }
-    Ok(())
+    stages::read(&text, &path.display().to_string()).map_err(|error| Failure::input(error.to_string()))
 }
 
 /// Return all files that the arguments of a problem name as inputs.
@@ -223,11 +192,13 @@ fn settings(args: &ProblemArgs, registry: &Registry) -> Result<(Settings, Regist
     settings.sampling = args.sampling.given();
     if let Some(path) = &args.pipeline {
         let pipeline = pipeline(path)?;
-        check_names(&pipeline, registry).map_err(|problem| Failure::input(format!("{}: {problem}", path.display())))?;
+        stages::check(&pipeline, registry)
+            .map_err(|problem| Failure::input(format!("{}: {problem}", path.display())))?;
         settings.pipeline = Some(pipeline);
     }
     let stages = settings.pipeline.iter().flat_map(|pipeline| &pipeline.stages).map(|stage| stage.features.as_str());
-    let registry = with_files(registry, stages.chain(settings.features.as_deref()), Path::new(""))?;
+    let files = stages.chain(settings.features.as_deref()).flat_map(files_of);
+    let registry = with_files(registry, files, Path::new(""))?;
     // What the preset leaves open is looked up when the model is known.
     if let Some(features) = &settings.features {
         match registry.family(features, &BuildContext::default()) {

@@ -1,6 +1,7 @@
 //! Weighted point sets, stored as structure of arrays and validated once.
 
 use std::collections::BTreeMap;
+use std::sync::OnceLock;
 
 /// Number of points that travel together through an erased model and family.
 ///
@@ -89,6 +90,18 @@ pub struct Points {
     uniform: bool,
     in_curve_order: bool,
     attributes: BTreeMap<String, Attribute>,
+    spread: Spread,
+}
+
+/// Mean and covariance, computed when first asked for: of many points they cost, and a search asks often. They follow from the rest, so
+/// sets are equal whether they are known or not.
+#[derive(Debug, Clone, Default)]
+struct Spread(OnceLock<([f64; 3], [[f64; 3]; 3])>);
+
+impl PartialEq for Spread {
+    fn eq(&self, _: &Self) -> bool {
+        true
+    }
 }
 
 impl Points {
@@ -149,7 +162,15 @@ impl Points {
             column.resize(padded, last);
         }
         weights.resize(padded, 0.0);
-        Ok(Self { len, columns, weights, uniform: false, in_curve_order: false, attributes: BTreeMap::new() })
+        Ok(Self {
+            len,
+            columns,
+            weights,
+            uniform: false,
+            in_curve_order: false,
+            attributes: BTreeMap::new(),
+            spread: Spread::default(),
+        })
     }
 
     /// Replace the weights.
@@ -180,6 +201,7 @@ impl Points {
         let len = self.len;
         self.weights[..len].fill(1.0);
         self.uniform = true;
+        self.spread = Spread::default();
         self
     }
 
@@ -319,6 +341,10 @@ impl Points {
 
     /// Return the weighted mean, missing coordinates as 0.
     pub fn mean(&self) -> [f64; 3] {
+        self.spread().0
+    }
+
+    fn compute_mean(&self) -> [f64; 3] {
         let total: f64 = self.weights().iter().sum();
         let mut mean = [0.0; 3];
         for d in 0..self.dim() {
@@ -330,7 +356,18 @@ impl Points {
 
     /// Return the weighted covariance (divided by the total weight), 3x3 row by row, zeros for missing coordinates.
     pub fn covariance(&self) -> [[f64; 3]; 3] {
-        let (mean, total) = (self.mean(), self.weights().iter().sum::<f64>());
+        self.spread().1
+    }
+
+    fn spread(&self) -> &([f64; 3], [[f64; 3]; 3]) {
+        self.spread.0.get_or_init(|| {
+            let mean = self.compute_mean();
+            (mean, self.covariance_about(&mean))
+        })
+    }
+
+    fn covariance_about(&self, mean: &[f64; 3]) -> [[f64; 3]; 3] {
+        let total = self.weights().iter().sum::<f64>();
         let mut covariance = [[0.0; 3]; 3];
         for a in 0..self.dim() {
             for b in 0..=a {

@@ -25,6 +25,10 @@ struct Line {
     large: bool,
     seconds: f64,
     squared: Option<(f64, usize)>,
+    /// Of several poses that are equally true: how many are the answer or an alternative, of how many.
+    listed: Option<(usize, usize)>,
+    /// Whether a direction that nothing determines is named, where there is one.
+    named: Option<bool>,
 }
 
 fn run(
@@ -55,6 +59,8 @@ fn run(
                 large,
                 seconds,
                 squared: None,
+                listed: None,
+                named: None,
             });
         }
     };
@@ -80,7 +86,30 @@ fn run(
     );
     let text = if right || !possible { text } else { format!("{text} | {}", from_truth(&estimator, scenario, &trial)) };
     let right = right && (trial.determined == Determined::Theta || verdict != "good");
-    Ok(Line { number, text, verdict, right, gross: error > 0.3, possible, large, seconds, squared })
+    let listed = (!trial.equally_true.is_empty()).then(|| listed(scenario, layout, &estimate, &trial));
+    let has_free = trial.determined == Determined::InPart && listed.is_none();
+    let named = has_free.then_some(!estimate.undetermined.is_empty());
+    let text = listed.map_or(text.clone(), |(found, all)| format!("{text} | listed {found} of {all}"));
+    Ok(Line { number, text, verdict, right, gross: error > 0.3, possible, large, seconds, squared, listed, named })
+}
+
+/// Count the equally true poses that are the answer or one of its alternatives.
+fn listed(
+    scenario: &dyn Scenario,
+    layout: &cfpose::theta::Layout,
+    estimate: &cfpose::Estimate,
+    trial: &cfpose_lab::Trial,
+) -> (usize, usize) {
+    let thetas = || std::iter::once(&estimate.theta).chain(estimate.alternatives.iter().map(|other| &other.theta));
+    let found = |truth: &Vec<f64>| {
+        let only = cfpose_lab::Trial { truth: truth.clone(), equally_true: Vec::new(), ..trial.clone() };
+        let is_near = |theta: &Vec<f64>| {
+            nearest_truth(scenario, layout, theta, &only).is_some_and(|(error, _)| trial.success.holds(&error))
+        };
+        thetas().any(is_near)
+    };
+    let all = || std::iter::once(&trial.truth).chain(&trial.equally_true);
+    (all().filter(|truth| found(truth)).count(), all().count())
 }
 
 /// Say where the estimate ends from the truth: a right answer there is one that the search missed.
@@ -97,7 +126,7 @@ fn describe(estimate: &cfpose::Estimate) -> String {
     let j = estimate.statistics.as_ref().map_or(f64::NAN, |s| s.p_value);
     let evidence = estimate.evidence.map_or(String::new(), |e| {
         format!(
-            "nfa {:.1} gap {:.1} z {:.1} unseen {:.3} clutter {:.3} noise {:.4} sd {:.4} copies {} coh {:.2} und {}",
+            "nfa {:.1} gap {:.1} z {:.1} unseen {:.3} clutter {:.3} noise {:.4} sd {:.4} copies {} mis {:.3} coh {:.2} und {}",
             e.log10_false_alarms,
             e.second_mode_nats,
             e.second_mode_deviations,
@@ -106,6 +135,7 @@ fn describe(estimate: &cfpose::Estimate) -> String {
             e.noise,
             e.deviation,
             e.copies,
+            e.coherence,
             estimate.support.map_or(f64::NAN, |s| s.coherence),
             estimate.undetermined.len()
         )
@@ -166,6 +196,28 @@ fn summary(lines: &[Line]) {
         percent(count(&|l| good(l) && l.large && !l.right), large),
         count(&|l| good(l) && l.large && !l.right && l.gross)
     );
+    let symmetric: Vec<(usize, usize)> =
+        lines.iter().filter(|l| l.right && !good(l)).filter_map(|l| l.listed).collect();
+    if !symmetric.is_empty() {
+        let complete = symmetric.iter().filter(|(listed, all)| listed == all).count();
+        let (found, there) = symmetric.iter().fold((0, 0), |(a, b), (x, y)| (a + x, b + y));
+        let few = symmetric.iter().map(|(listed, _)| *listed).min().unwrap_or(0);
+        println!(
+            "symmetric: called good (the pattern of the points decides) {}; of {} others that are right every pose listed in {complete} ({:.1} %), of all poses {:.1} %, fewest {few}",
+            count(&|l| l.listed.is_some() && good(l)),
+            symmetric.len(),
+            percent(complete, symmetric.len()),
+            percent(found, there)
+        );
+    }
+    let free = count(&|l| l.right && l.named.is_some());
+    if free > 0 {
+        println!(
+            "undetermined in part: {free} right, called good {}; a direction named in {:.1} %",
+            count(&|l| l.named.is_some() && good(l)),
+            percent(count(&|l| l.right && l.named == Some(true)), free)
+        );
+    }
     println!("right ones called good: {:.1} %", percent(count(&|l| good(l) && l.right), right));
     let squares: Vec<f64> =
         lines.iter().filter(|l| l.right).filter_map(|l| l.squared).map(|(squared, dof)| squared / dof as f64).collect();

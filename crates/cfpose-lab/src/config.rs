@@ -10,7 +10,7 @@ use crate::cell::Cell;
 use crate::error::LabError;
 use crate::folder;
 use crate::lab::Lab;
-use crate::method::{DEFAULT_PRESET, Method, SCENARIO_START};
+use crate::method::Method;
 use crate::scenario::problems::NO_MODEL;
 use crate::seed::fnv1a;
 use crate::value::{canonical, text_of, toml_of};
@@ -77,24 +77,9 @@ pub struct Published {
     pub parameters: BTreeMap<String, String>,
 }
 
+mod methods;
+
 const TOP_KEYS: &[&str] = &["seed", "trials", "deadline_secs", "scenario", "method", "published"];
-const METHOD_KEYS: &[&str] = &[
-    "name",
-    "preset",
-    "model",
-    "features",
-    "normalise",
-    "weighting",
-    "solver",
-    "start",
-    "max_evaluations",
-    "max_iterations",
-    "external",
-];
-
-/// Keys of a method that may hold a list: one method for each value.
-const METHOD_AXES: &[&str] = &["preset", "features", "weighting", "solver"];
-
 /// Largest number of cells: beyond it a grid is a mistake.
 const MAX_CELLS: usize = 1_000_000;
 
@@ -104,21 +89,25 @@ impl Experiment {
     /// # Errors
     /// [`LabError`] naming file, place and mistake; unknown keys and names come with suggestions.
     pub fn load(lab: &Lab, path: &Path) -> Result<Self, LabError> {
-        let experiment = Self::parse(lab, &folder::read_text(path)?, &path.display().to_string())?;
-        Ok(Self { folder: path.parent().unwrap_or(Path::new("")).to_path_buf(), ..experiment })
+        let folder = path.parent().unwrap_or(Path::new(""));
+        Self::read(lab, &folder::read_text(path)?, &path.display().to_string(), folder)
     }
 
-    /// Read an experiment from text; `file` names it in errors.
+    /// Read an experiment from text; `file` names it in errors, files that it names are looked up in the folder of the program.
     ///
     /// # Errors
     /// As [`Experiment::load`].
     pub fn parse(lab: &Lab, text: &str, file: &str) -> Result<Self, LabError> {
+        Self::read(lab, text, file, Path::new(""))
+    }
+
+    fn read(lab: &Lab, text: &str, file: &str, folder: &Path) -> Result<Self, LabError> {
         let table: Table = toml::from_str(text).map_err(|error| LabError::Toml {
             file: file.to_string(),
             line: error.span().map_or(1, |span| text[..span.start.min(text.len())].matches('\n').count() + 1),
             problem: error.message().replace('\n', " "),
         })?;
-        let reader = Reader { lab, file };
+        let reader = Reader { lab, file, folder };
         let place = "top level";
         reader.known_keys(place, &table, TOP_KEYS)?;
         let methods = reader.methods(&table)?;
@@ -129,7 +118,7 @@ impl Experiment {
             scenarios: reader.scenarios(&table)?,
             published: reader.published(&table, &methods)?,
             methods,
-            folder: PathBuf::new(),
+            folder: folder.to_path_buf(),
         };
         reader.check(&experiment)?;
         Ok(experiment)
@@ -186,7 +175,7 @@ impl Experiment {
             table.insert("deadline_secs".into(), Value::Float(deadline));
         }
         table.insert("scenario".into(), Value::Array(self.scenarios.iter().map(Grid::to_value).collect()));
-        // A method holds only texts and counts, which TOML can always write.
+        // A method holds texts, counts and tables of them, which TOML can always write.
         let methods = self.methods.iter().filter_map(|method| Value::try_from(method).ok()).collect();
         table.insert("method".into(), Value::Array(methods));
         if !self.published.is_empty() {
@@ -235,33 +224,12 @@ impl Published {
     }
 }
 
-/// Return one method for each combination of the lists in a method's table, named `NAME: value, value`.
-fn expanded(table: &Table) -> Vec<Table> {
-    let mut all = vec![table.clone()];
-    for key in METHOD_AXES {
-        let Some(Value::Array(values)) = table.get(*key) else { continue };
-        let with = |method: &Table, first: bool, value: &Value| {
-            let mut method = method.clone();
-            let name = method.get("name").and_then(Value::as_str).unwrap_or_default();
-            let joint = if first { ": " } else { ", " };
-            let name = format!("{name}{joint}{}", value.as_str().map_or_else(|| value.to_string(), str::to_string));
-            method.insert("name".to_string(), Value::String(name));
-            method.insert((*key).to_string(), value.clone());
-            method
-        };
-        let first = !METHOD_AXES
-            .iter()
-            .take_while(|other| *other != key)
-            .any(|k| matches!(table.get(*k), Some(Value::Array(_))));
-        all = all.iter().flat_map(|method| values.iter().map(move |value| with(method, first, value))).collect();
-    }
-    all
-}
-
 /// Reads the parts of an experiment file and says where a mistake stands.
 struct Reader<'a> {
     lab: &'a Lab,
     file: &'a str,
+    /// Where files that methods name are looked up.
+    folder: &'a Path,
 }
 
 impl Reader<'_> {
@@ -380,43 +348,6 @@ impl Reader<'_> {
             return Err(self.value_error(place, format!("the grid has more than {MAX_CELLS} cells")));
         }
         Ok(grid)
-    }
-
-    fn methods(&self, table: &Table) -> Result<Vec<Method>, LabError> {
-        let mut methods: Vec<Method> = Vec::new();
-        let mut single: Vec<(String, Table)> = Vec::new();
-        for (place, table) in self.tables(table, "method")? {
-            self.known_keys(&place, table, METHOD_KEYS)?;
-            single.extend(expanded(table).into_iter().map(|table| (place.clone(), table)));
-        }
-        for (place, table) in &single {
-            let text = |key| self.text(place, table, key);
-            let preset = text("preset")?.unwrap_or_else(|| DEFAULT_PRESET.to_string());
-            let method = Method {
-                name: text("name")?.ok_or_else(|| self.value_error(place, "the method has no `name`".to_string()))?,
-                preset,
-                model: text("model")?,
-                features: text("features")?,
-                normalise: text("normalise")?,
-                weighting: text("weighting")?,
-                solver: text("solver")?,
-                start: text("start")?.unwrap_or_else(|| SCENARIO_START.to_string()),
-                max_evaluations: self.count(place, table, "max_evaluations", 1)?,
-                max_iterations: self.count(place, table, "max_iterations", 1)?,
-                external: self.flag(place, table, "external")?,
-            };
-            if method.name.trim().is_empty() {
-                return Err(self.value_error(place, "`name` is empty; results are told apart by it".to_string()));
-            }
-            if methods.iter().any(|other| other.name == method.name) {
-                return Err(self.value_error(place, format!("the name `{}` is used twice", method.name)));
-            }
-            methods.push(method);
-        }
-        if methods.is_empty() {
-            return Err(self.value_error("top level", "there is no [[method]]".to_string()));
-        }
-        Ok(methods)
     }
 
     fn published(&self, table: &Table, methods: &[Method]) -> Result<Vec<Published>, LabError> {

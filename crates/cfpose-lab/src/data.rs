@@ -5,7 +5,6 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use cfpose::Registry;
-use cfpose::entry::files_of;
 
 use crate::error::LabError;
 use crate::folder::io_error;
@@ -40,12 +39,11 @@ pub(crate) fn hashes(scenarios: &[Box<dyn Scenario>]) -> Result<Vec<DataHashes>,
 /// What precedes the names of files that a method reads, not a scenario.
 const OF_METHOD: &str = "weights:";
 
-/// Hash the files that the features of a method name, as the registry holds them.
+/// Hash the weight files that the families of a method name, as the registry holds them.
 pub(crate) fn of_method(registry: &Registry, method: &Method) -> DataHashes {
-    let names = method.features.as_deref().into_iter().flat_map(files_of);
     let hash =
         |name: String| Some((format!("{OF_METHOD}{name}"), format!("{:016x}", fnv1a(registry.files.get(&name)?))));
-    names.filter_map(hash).collect()
+    method.files().into_iter().filter_map(hash).collect()
 }
 
 /// Tell the files of the scenario from those of the method.

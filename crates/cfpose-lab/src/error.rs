@@ -29,6 +29,12 @@ pub enum LabError {
         /// What is wrong.
         problem: String,
     },
+    /// A pipeline file without a stage.
+    #[error("{file}: no [[stage]]; an estimator has at least one")]
+    NoStage {
+        /// Name of the file.
+        file: String,
+    },
     /// A key that the experiment file does not have.
     #[error("{file}: {place}: unknown key `{key}`{}", did_you_mean(.suggestions))]
     UnknownKey {
@@ -236,6 +242,7 @@ impl LabError {
                 | LabError::Record { .. }
                 | LabError::MixedData { .. }
                 | LabError::Toml { .. }
+                | LabError::NoStage { .. }
                 | LabError::NoExperiment { .. }
                 | LabError::Plot { .. }
                 | LabError::Threads { .. }

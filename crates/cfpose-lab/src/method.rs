@@ -1,8 +1,15 @@
 //! A method: a name for preset, or model + features + normaliser + weighting + solver + starts.
 
+use cfpose::entry::files_of;
+use cfpose::estimator::Pipeline;
 use cfpose::{BuildContext, BuildError, Registry, Settings, Start};
 use cfpose_optim::Stopping;
 use serde::Serialize;
+
+pub mod known;
+pub mod stages;
+
+use known::Known;
 
 /// Start that takes the scenario's own theta_0.
 pub const SCENARIO_START: &str = "scenario";
@@ -38,9 +45,15 @@ pub struct Method {
     /// Solver.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub solver: Option<String>,
+    /// Stages instead of those of the preset, the content of the file that was named: another content is another experiment.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub pipeline: Option<Pipeline>,
     /// `scenario` for the scenario's theta_0 (the preset's start where it has none), `auto` for the preset's start, or a start
     /// strategy.
     pub start: String,
+    /// What is known of theta beforehand.
+    #[serde(flatten)]
+    pub known: Known,
     /// Budget of each solve in residual evaluations.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub max_evaluations: Option<usize>,
@@ -67,7 +80,9 @@ impl Method {
             normalise: None,
             weighting: None,
             solver: None,
+            pipeline: None,
             start: SCENARIO_START.to_string(),
+            known: Known::default(),
             max_evaluations: None,
             max_iterations: None,
             external: false,
@@ -76,7 +91,8 @@ impl Method {
 
     /// Return the settings of the estimator for a scenario's model, theta_0 (ambient) and the seed of the method.
     ///
-    /// A method with a start of its own uses that. Otherwise, where the scenario has no theta_0, the preset's start stays.
+    /// A method with a start of its own uses that. Otherwise, where the scenario has no theta_0, the preset's start stays. What is
+    /// known beforehand needs the model and is put in by [`Method::resolved`].
     ///
     /// # Errors
     /// [`cfpose::Error`] for an unknown preset.
@@ -86,6 +102,7 @@ impl Method {
         settings.weighting.clone_from(&self.weighting);
         settings.solver.clone_from(&self.solver);
         settings.normaliser.clone_from(&self.normalise);
+        settings.pipeline.clone_from(&self.pipeline);
         match (self.start.as_str(), start) {
             (SCENARIO_START, Some(start)) => settings.start = Some(Start::Given(vec![start.to_vec()])),
             (SCENARIO_START, None) | (PRESET_START, _) => {}
@@ -94,6 +111,31 @@ impl Method {
         settings.seed = seed;
         self.limit(&mut settings.stopping);
         Ok(settings)
+    }
+
+    /// Return the settings of [`Method::settings`] with what is known of theta beforehand.
+    ///
+    /// # Errors
+    /// [`cfpose::Error`] for an unknown preset or model, and for names, intervals and a prior that are not of the model's theta.
+    pub fn resolved(
+        &self,
+        registry: &Registry,
+        model: &str,
+        start: Option<&[f64]>,
+        seed: u64,
+    ) -> Result<Settings, cfpose::Error> {
+        let mut settings = self.settings(model, start, seed)?;
+        if self.known != Known::default() {
+            let layout = registry.model(&settings.model, &BuildContext { seed, ..BuildContext::default() })?.layout;
+            self.known.fill(&layout, &mut settings)?;
+        }
+        Ok(settings)
+    }
+
+    /// Return the names of the weight files that the method's families ask for.
+    pub fn files(&self) -> Vec<String> {
+        let stages = self.pipeline.iter().flat_map(|pipeline| &pipeline.stages).map(|stage| stage.features.as_str());
+        stages.chain(self.features.as_deref()).flat_map(files_of).collect()
     }
 
     /// Write the method's budgets into stopping rules.
@@ -127,7 +169,7 @@ impl Method {
     pub fn check(&self, registry: &Registry, scenario_model: &str) -> Result<Settings, cfpose::Error> {
         let context = BuildContext::default();
         let truth = registry.model(scenario_model, &context)?;
-        let settings = self.settings(scenario_model, Some(&truth.identity), 0)?;
+        let settings = self.resolved(registry, scenario_model, Some(&truth.identity), 0)?;
         let model = registry.model(&settings.model, &context)?;
         let blocks = |model: &cfpose::Model| {
             let block = |block: &cfpose::theta::ThetaBlock| (block.name, block.kind.manifold().ambient());
@@ -144,6 +186,10 @@ impl Method {
             && let Err(error @ cfpose::Error::Build(BuildError::Entry(_))) = registry.family(features, &context)
         {
             return Err(error);
+        }
+        if let Some(pipeline) = &settings.pipeline {
+            stages::check(pipeline, registry)
+                .map_err(|problem| cfpose::Error::Unsupported(format!("`pipeline`: {problem}")))?;
         }
         if let Some(weighting) = &settings.weighting {
             registry.weighting(weighting)?;

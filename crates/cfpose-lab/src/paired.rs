@@ -94,6 +94,24 @@ pub fn study(records: &[Record], by: &[&str], base: &str, spread: &str) -> Strin
     text + &radii(&cells, by, &methods, spread)
 }
 
+/// Put tables into a page in Markdown: between the lines `<!-- study NAME -->` and `<!-- end of study NAME -->`, else with them at its end.
+///
+/// ```
+/// use cfpose_lab::paired::into_page;
+/// let page = into_page("# Title\n", "far", "| a |\n");
+/// assert_eq!(page, "# Title\n\n<!-- study far -->\n\n| a |\n\n<!-- end of study far -->\n");
+/// assert_eq!(into_page(&page, "far", "| b |\n"), page.replace("| a |", "| b |"));
+/// ```
+pub fn into_page(page: &str, name: &str, tables: &str) -> String {
+    let (first, last) = (format!("<!-- study {name} -->\n"), format!("<!-- end of study {name} -->\n"));
+    let place = page.find(&first).and_then(|begin| Some((begin, begin + page[begin..].find(&last)?)));
+    let (before, after) = match place {
+        Some((begin, end)) => (page[..begin].to_string(), &page[end + last.len()..]),
+        None => (format!("{page}\n"), ""),
+    };
+    format!("{before}{first}\n{tables}\n{last}{after}")
+}
+
 /// Return McNemar's p of a method against another on the trials that both have.
 fn against(method: &BTreeMap<&str, &Record>, base: Option<&BTreeMap<&str, &Record>>) -> f64 {
     let (mut only, mut other) = (0, 0);

@@ -43,7 +43,11 @@ pub fn chosen<T: Copy>(values: &[(T, u32)], rng: &mut ChaCha12Rng) -> T {
 
 /// Keep the `kept` points that lie farthest back along a direction; draws the direction (three normals).
 pub fn cut_by_plane(points: &mut Vec<[f64; 3]>, kept: usize, rng: &mut ChaCha12Rng) {
-    let axis = direction(rng);
+    keep_behind(points, kept, &direction(rng));
+}
+
+/// Keep the `kept` points that lie farthest back along a direction.
+pub fn keep_behind(points: &mut Vec<[f64; 3]>, kept: usize, axis: &[f64; 3]) {
     let along = |p: &[f64; 3]| p[0] * axis[0] + p[1] * axis[1] + p[2] * axis[2];
     points.sort_by(|a, b| along(a).total_cmp(&along(b)));
     points.truncate(kept);

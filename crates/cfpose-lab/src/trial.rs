@@ -115,7 +115,7 @@ impl Bench<'_> {
         method: &Method,
     ) -> Result<Estimator, cfpose::Error> {
         let seed = method_seed(self.experiment.seed, planned.key);
-        let settings = method.settings(scenario.model(), trial.start.as_deref(), seed)?;
+        let settings = method.resolved(&self.lab.registry, scenario.model(), trial.start.as_deref(), seed)?;
         let estimator = Estimator::new(&self.lab.registry, &settings, &trial.source, &trial.target, &self.execution)?;
         estimator.problem().require_enough_features()?;
         Ok(estimator)

@@ -65,6 +65,99 @@ fn mistakes_are_named_with_place_and_suggestion() {
     assert!(parse(&format!("{GOOD}{figure}")).unwrap_err().contains("belongs to no cell"));
 }
 
+/// A method with everything that is given beside names of parts.
+const GIVEN: &str = r#"
+[[scenario]]
+name = "cloud3"
+points = 60
+[[method]]
+name = "given"
+free = ["rz", "translation"]
+bounds = { tx = [-0.5, inf], rz = [-1, 1] }
+prior = { theta = [0, 0, 0.1, 0, 0, 0], covariance = [[1, 0, 0, 0, 0, 0], [0, 1, 0, 0, 0, 0], [0, 0, 1, 0, 0, 0],
+          [0, 0, 0, 1, 0, 0], [0, 0, 0, 0, 1, 0], [0, 0, 0, 0, 0, 1]] }
+[method.pipeline]
+restarts = 2
+[[method.pipeline.stage]]
+name = "coarse"
+features = "fourier[k=2,w0=1.2,damping=0.4]"
+source-points = 40
+[[method.pipeline.stage]]
+name = "fine"
+features = "hermite[degree=3]"
+"#;
+
+#[test]
+fn stages_bounds_prior_and_free_parameters_are_given_in_the_experiment() {
+    let experiment = parse(GIVEN).unwrap();
+    assert_eq!(parse(&experiment.to_toml()).unwrap(), experiment, "{}", experiment.to_toml());
+    let (lab, method) = (Lab::default(), &experiment.methods[0]);
+    let settings = method.resolved(&lab.registry, "rigid3", None, 1).unwrap();
+    assert_eq!(settings.free, Some(vec![2, 3, 4, 5]));
+    let bounds: Vec<_> = settings.bounds.iter().map(|bound| (bound.column, bound.low, bound.high)).collect();
+    assert_eq!(bounds, [(2, -1.0, 1.0), (3, -0.5, f64::INFINITY)]);
+    assert_eq!(settings.prior.unwrap().covariance.len(), 36);
+    assert_eq!(settings.pipeline.unwrap().stages[0].source_points, 40);
+    for (from, to, expected) in [
+        ("\"rz\", \"translation\"", "\"yaw\"", "`free`: "),
+        ("[\"rz\", \"translation\"]", "\"rz\"", "[[method]] 1: `free`: expected a list of names"),
+        ("tx = [-0.5, inf]", "tx = [2, 1]", "`bounds`: tx has no value between 2 and 1"),
+        ("tx = [-0.5, inf]", "tx = \"0..1\"", "[[method]] 1: `bounds`: expected NAME = [LOW, HIGH]"),
+        ("tx = [-0.5, inf]", "wide = [0, 1]", "`bounds`: "),
+        ("theta = [0, 0, 0.1, 0, 0, 0]", "theta = [0, 0]", "`prior`: "),
+        ("[0, 0, 0, 0, 0, 1]", "[0, 0, 0, 0, 0, -1]", "`prior`: "),
+        ("theta =", "thetas =", "`prior`: expected the name of a JSON file, or a table"),
+        ("hermite[", "hermit[", "method `given`: `pipeline`: stage `fine`: unknown family `hermit`"),
+        ("restarts", "restart", "[[method]] 1: `pipeline`: unknown field `restart`"),
+    ] {
+        let error = parse(&GIVEN.replacen(from, to, 1)).unwrap_err();
+        assert!(error.contains(expected) && !error.contains('\n'), "{to}: {error}");
+    }
+}
+
+#[test]
+fn the_files_of_a_method_stand_beside_the_experiment_and_are_part_of_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let write = |name: &str, text: &str| std::fs::write(folder.path().join(name), text).unwrap();
+    let (stage, other) = ("[[stage]]\nname = \"only\"\nfeatures = \"hermite[degree=3]\"\n", "iterations = 9\n");
+    write("s.toml", stage);
+    write("p.json", r#"{"theta": [0.1, 0.2], "covariance": [[1, 0], [0, 1]], "rotation_form": "vector"}"#);
+    let text = "trials = 2\n[[scenario]]\nname = \"cloud3\"\npoints = 60\nstart = 20\n[[method]]\nname = \"staged\"\n\
+                free = [\"rx\", \"ry\"]\npipeline = \"s.toml\"\n[[method]]\nname = \"turned\"\nfree = [\"rz\"]\n\
+                pipeline = \"s.toml\"\n";
+    write("e.toml", text);
+    let lab = Lab::default();
+    let load = || Experiment::load(&lab, &folder.path().join("e.toml"));
+    let options = cfpose_lab::RunOptions { resume: true, ..cfpose_lab::RunOptions::new(folder.path().join("out")) };
+    cfpose_lab::run(&lab, &load().unwrap(), &options).unwrap();
+    // What is fixed keeps the value of the start, whatever else moves.
+    let records = cfpose_lab::folder::read_records(&options.out.join("trials.jsonl")).unwrap();
+    let thetas = |name: &str| {
+        let of_method = records.iter().map(|(_, record)| record).filter(|record| record.method == name);
+        of_method.map(|record| record.theta.clone().unwrap()).collect::<Vec<_>>()
+    };
+    for (staged, turned) in thetas("staged").iter().zip(&thetas("turned")) {
+        assert!(staged[3..] == turned[3..] && staged[..3] != turned[..3], "{staged:?} {turned:?}");
+    }
+    // The same stages again are the same experiment; other stages in the file are another one.
+    write("s.toml", &format!("# the same\n{stage}"));
+    assert_eq!(cfpose_lab::run(&lab, &load().unwrap(), &options).unwrap().resumed, 4);
+    write("s.toml", &format!("{stage}{other}"));
+    let refused = cfpose_lab::run(&lab, &load().unwrap(), &options).unwrap_err().to_string();
+    assert!(refused.contains("belongs to experiment"), "{refused}");
+    for (key, expected) in [
+        ("pipeline = \"absent.toml\"", "absent.toml: cannot read"),
+        ("pipeline = \"e.toml\"", "e.toml: line 6: unknown field `method`"),
+        ("pipeline = 3", "`pipeline` = 3: expected the name of a file"),
+        ("prior = \"s.toml\"", "this is no JSON"),
+        ("prior = \"p.json\"", "`prior`: "),
+    ] {
+        write("e.toml", &text.replace("pipeline = \"s.toml\"", key));
+        let error = load().unwrap_err().to_string();
+        assert!(error.contains(expected) && !error.contains('\n'), "{key}: {error}");
+    }
+}
+
 #[test]
 fn the_experiment_of_table_1_is_the_papers() {
     let text = include_str!("../../../experiments/table1.toml");

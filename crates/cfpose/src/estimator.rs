@@ -42,6 +42,7 @@ mod search;
 mod settings;
 mod solve;
 mod stage;
+mod symmetry;
 mod undetermined;
 mod verdict;
 mod workbench;

@@ -3,6 +3,7 @@
 use std::path::Path;
 use std::sync::Arc;
 
+use cfpose::entry::files_of;
 use cfpose::moments::{GatherError, GatheredMoments, MAX_DEGREE};
 use cfpose::{BuildContext, Execution, Isa, MomentProblem, Points, Registry, block};
 use cfpose_lab::Lab;
@@ -73,7 +74,7 @@ fn gathered(args: &MomentsArgs, registry: &Registry) -> Result<GatheredMoments, 
         )));
     }
     let features = args.features.as_deref().unwrap_or_default();
-    let registry = with_files(registry, std::iter::once(features), Path::new(""))?;
+    let registry = with_files(registry, files_of(features).into_iter(), Path::new(""))?;
     check_name(&registry, features)?;
     let centre = centre(&args.centre)?;
     let execution = execution(args.threads)?;

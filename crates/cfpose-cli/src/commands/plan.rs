@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use cfpose_lab::jobs::{ALL, Emitted, Jobs};
-use cfpose_lab::{Experiment, Lab, Plan};
+use cfpose_lab::{Lab, Plan};
 use serde_json::json;
 
 use crate::args::PlanArgs;
@@ -19,8 +19,8 @@ pub fn run(args: &PlanArgs, lab: &Lab) -> Result<(), Failure> {
         let known: Vec<&str> = ALL.iter().map(|engine| engine.name).collect();
         Failure::usage(format!("--emit {}: no such engine; known are {}", args.emit, known.join(", ")))
     })?;
-    let lab = &super::run::with_weights(lab, &args.experiment)?;
-    let mut experiment = Experiment::load(lab, &args.experiment)?;
+    let (lab, mut experiment) = super::run::load(lab, &args.experiment)?;
+    let lab = &lab;
     if let Some(trials) = args.trials {
         experiment = experiment.with_trials(trials as usize);
     }

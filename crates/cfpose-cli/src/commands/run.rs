@@ -25,8 +25,8 @@ pub fn run(args: &RunArgs, lab: &Lab) -> Result<(), Failure> {
     let shard = shard::parse(args.shard.as_deref(), &out, |name| std::env::var(name).ok())?;
     let isa = inputs::isa(&args.isa)?;
     keep_input(args, &out)?;
-    let lab = &with_weights(lab, &args.experiment)?;
-    let mut experiment = Experiment::load(lab, &args.experiment)?;
+    let (lab, mut experiment) = load(lab, &args.experiment)?;
+    let lab = &lab;
     if let Some(trials) = args.trials {
         experiment = experiment.with_trials(trials as usize);
     }
@@ -88,16 +88,12 @@ pub fn run(args: &RunArgs, lab: &Lab) -> Result<(), Failure> {
     }
 }
 
-/// Return the lab with the contents of the weight files that the methods of an experiment name, relative to its folder.
-pub(super) fn with_weights(lab: &Lab, path: &Path) -> Result<Lab, Failure> {
-    // Whatever is wrong with the file itself is said when it is read as an experiment.
-    let text = std::fs::read_to_string(path).unwrap_or_default();
-    let table: toml::Table = toml::from_str(&text).unwrap_or_default();
-    let methods = table.get("method").and_then(toml::Value::as_array).into_iter().flatten();
-    let families = methods.filter_map(|method| method.get("features")?.as_str());
-    let folder = path.parent().unwrap_or(Path::new(""));
-    let registry = inputs::with_files(&lab.registry, families, folder)?;
-    Ok(Lab { registry, scenarios: lab.scenarios.clone() })
+/// Read an experiment, and the weight files that its methods name, relative to its folder.
+pub(super) fn load(lab: &Lab, path: &Path) -> Result<(Lab, Experiment), Failure> {
+    let experiment = Experiment::load(lab, path)?;
+    let names = experiment.methods.iter().flat_map(cfpose_lab::Method::files);
+    let registry = inputs::with_files(&lab.registry, names, &experiment.folder)?;
+    Ok((Lab { registry, scenarios: lab.scenarios.clone() }, experiment))
 }
 
 /// Refuse to write over the experiment file, or with the JSON over the results.

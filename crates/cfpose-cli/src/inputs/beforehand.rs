@@ -4,7 +4,7 @@ use cfpose::bounds::{Bound, Bounds};
 use cfpose::free::{Frame, find_columns};
 use cfpose::theta::Layout;
 use cfpose::{BuildError, Prior};
-use serde_json::Value;
+use cfpose_lab::method::known::PriorFile;
 
 use crate::args::ProblemArgs;
 use crate::failure::Failure;
@@ -67,35 +67,6 @@ pub fn prior(args: &ProblemArgs, context: &starts::Context<'_>) -> Result<Option
     let Some(path) = &args.prior else { return Ok(None) };
     let fail = |problem: &dyn std::fmt::Display| Failure::input(format!("{}: {problem}", path.display()));
     let text = std::fs::read_to_string(path).map_err(|error| fail(&error))?;
-    let value: Value = serde_json::from_str(&text).map_err(|error| fail(&format!("this is no JSON: {error}")))?;
-    if value.get("theta").is_none() {
-        return Err(fail(&"there is no \"theta\" in it"));
-    }
-    let covariance = rows(&value).map_err(|problem| fail(&problem))?;
-    let theta = starts::from_file(path, context)?.into_iter().next().unwrap_or_default();
-    let prior = Prior { theta, covariance };
-    prior.check(context.layout).map_err(|error| match error {
-        BuildError::Data { problem, .. } => fail(&problem),
-        other => fail(&other),
-    })?;
-    Ok(Some(prior))
-}
-
-/// Return the entries of "covariance", row by row.
-fn rows(value: &Value) -> Result<Vec<f64>, String> {
-    let shape = "\"covariance\" has to be a list of rows of numbers";
-    let rows = value.get("covariance").and_then(Value::as_array).ok_or(shape)?;
-    let mut all = Vec::new();
-    for row in rows {
-        let row = row.as_array().ok_or(shape)?;
-        if row.len() != rows.len() {
-            return Err(format!("a row of \"covariance\" has {} numbers, there are {} rows", row.len(), rows.len()));
-        }
-        for entry in row {
-            let null =
-                "\"covariance\" holds null: a direction that was not determined is no prior; give it a large variance";
-            all.push(entry.as_f64().ok_or(if entry.is_null() { null } else { shape })?);
-        }
-    }
-    Ok(all)
+    let prior = PriorFile::read(&text).map_err(|problem| fail(&problem))?;
+    prior.resolve(context.layout, context.model, context.form).map(Some).map_err(|problem| fail(&problem))
 }

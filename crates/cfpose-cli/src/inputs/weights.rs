@@ -1,25 +1,24 @@
-//! Files of learned weights that the names of families ask for.
+//! Files of learned weights.
 
 use std::path::Path;
 use std::sync::Arc;
 
 use cfpose::Registry;
-use cfpose::entry::files_of;
 use cfpose::families::learned::Weights;
 
 use crate::failure::Failure;
 
-/// Return the registry with the contents of every file that the families name; relative names stand for files in `folder`.
+/// Return the registry with the contents of the named files; relative names stand for files in `folder`.
 ///
 /// # Errors
 /// Input, with the file's name, where it cannot be read or holds no weights.
-pub fn with_files<'a>(
+pub fn with_files(
     registry: &Registry,
-    families: impl Iterator<Item = &'a str>,
+    names: impl Iterator<Item = String>,
     folder: &Path,
 ) -> Result<Registry, Failure> {
     let mut registry = registry.clone();
-    for name in families.flat_map(files_of) {
+    for name in names {
         let path = folder.join(&name);
         let bytes = std::fs::read(&path)
             .map_err(|error| Failure::input(format!("{}: cannot be read: {error}", path.display())))?;

@@ -31,7 +31,12 @@ const THRESHOLD: f64 = 0.1;
 /// 4. two uniforms (x, then y) for every one of `outliers`, at (-0.6 + 0.05 rand, -0.4 + 0.05 rand);
 /// 5. two uniforms (x, then y) for every one of `uniform_outliers`, in the bounding box of the points so far, enlarged by
 ///    a fifth about its centre;
-/// 6. with `order = shuffled`: the permutation of the target (Fisher-Yates from the end), then that of the source.
+/// 6. with `second_curve`: the points of another curve, see [`PlanarCurve::add_second`];
+/// 7. with `order = shuffled`: the permutation of the target (Fisher-Yates from the end), then that of the source;
+/// 8. with `source_noise`: two normals for every source point.
+///
+/// With `hidden` and `hidden_source` an arc of that share is missing, before anything is drawn for its points: it begins at a uniform place
+/// of the curve, drawn after 1 (the target's first).
 struct PlanarCurve {
     /// The curve; of a file empty until [`Scenario::load`] has read it.
     source: Vec<[f64; 2]>,
@@ -47,11 +52,17 @@ struct PlanarCurve {
     b_m: Option<f64>,
     outliers: usize,
     uniform_outliers: usize,
+    /// Shares of the curve that the target and the source lack.
+    hidden: [f64; 2],
+    /// Points of another curve in the image, as a share of the curve's points.
+    second_curve: f64,
+    source_noise: f64,
 }
 
 impl PlanarCurve {
     fn new(parameters: &Parameters) -> Result<Self, EntryError> {
         let not_negative = |key| parameters.number(key, "a number >= 0", |v| v >= 0.0 && v.is_finite());
+        let share = |key| parameters.number(key, "a share from 0 to below 1", |v| (0.0..1.0).contains(&v));
         let scale = parameters.number("scale", "a number above 0", |v| v > 0.0 && v.is_finite())?;
         let b_m = match parameters.text("b_m") {
             "none" => None,
@@ -74,14 +85,53 @@ impl PlanarCurve {
             b_m,
             outliers: parameters.count("outliers", 0, 1_000_000)?,
             uniform_outliers: parameters.count("uniform_outliers", 0, 1_000_000)?,
+            hidden: [share("hidden")?, share("hidden_source")?],
+            second_curve: parameters.number("second_curve", "a share from 0 to 10", |v| (0.0..=10.0).contains(&v))?,
+            source_noise: not_negative("source_noise")?,
         })
     }
 
-    /// Draw the target points, steps 2 to 5.
-    fn image(&self, theta: &[f64; 6], rng: &mut ChaCha12Rng) -> Result<Vec<[f64; 2]>, ScenarioError> {
+    /// Return the points of the curve but for an arc of a share, which begins at a uniform place.
+    fn seen(&self, hidden: f64, rng: &mut ChaCha12Rng) -> Vec<[f64; 2]> {
+        if hidden <= 0.0 {
+            return self.source.clone();
+        }
+        let len = self.source.len();
+        let (begin, missing) = (rng.random_range(0..len), (hidden * len as f64).round() as usize);
+        (missing..len).map(|k| self.source[(begin + k) % len]).collect()
+    }
+
+    /// Add the points of another curve: a seed of a random outline, half to all of the image's size, its middle within .8 of that size.
+    fn add_second(&self, image: &mut Vec<[f64; 2]>, rng: &mut ChaCha12Rng) -> Result<(), ScenarioError> {
+        let count = (self.second_curve * self.source.len() as f64).round() as usize;
+        if count == 0 {
+            return Ok(());
+        }
+        let seed: u32 = rng.random_range(100_000..200_000);
+        let other = curves::points(&format!("fourier[seed={seed}]"), 1.0)
+            .map_err(|problem| ScenarioError::Impossible(problem.to_string()))?;
+        let middle: [f64; 2] = std::array::from_fn(|d| image.iter().map(|q| q[d]).sum::<f64>() / image.len() as f64);
+        let reach = |q: &[f64; 2]| (q[0] - middle[0]).abs().max((q[1] - middle[1]).abs());
+        let size = image.iter().map(reach).fold(0.0, f64::max);
+        let scale = size * rng.random_range(0.5..1.0);
+        let shift: [f64; 2] = std::array::from_fn(|_| 0.8 * size * (2.0 * rng.random::<f64>() - 1.0));
+        for k in 0..count {
+            let p = other[k * other.len() / count];
+            image.push(std::array::from_fn(|d| middle[d] + shift[d] + scale * p[d]));
+        }
+        Ok(())
+    }
+
+    /// Draw the target points of what is seen of the curve, steps 2 to 6.
+    fn image(
+        &self,
+        seen: &[[f64; 2]],
+        theta: &[f64; 6],
+        rng: &mut ChaCha12Rng,
+    ) -> Result<Vec<[f64; 2]>, ScenarioError> {
         let pose = Pose { rotation: rotation_of_euler(&theta[..3]), translation: [theta[3], theta[4], theta[5]] };
         let mut image = Vec::with_capacity(self.source.len() + self.outliers + self.uniform_outliers);
-        for p in &self.source {
+        for p in seen {
             let keep = match self.b_m {
                 None => true,
                 Some(bound) => rng.sample::<f64, _>(StandardNormal).abs() <= bound,
@@ -106,6 +156,7 @@ impl PlanarCurve {
             image.push([-0.6 + 0.05 * rng.random::<f64>(), -0.4 + 0.05 * rng.random::<f64>()]);
         }
         add_uniform(&mut image, self.uniform_outliers, rng);
+        self.add_second(&mut image, rng)?;
         Ok(image)
     }
 }
@@ -133,7 +184,9 @@ impl Scenario for PlanarCurve {
         }
         let theta = self.theta.draw(&self.source, rng)?;
         let start = theta.map(|v| v + self.b_i * rng.sample::<f64, _>(StandardNormal));
-        let mut image = self.image(&theta, rng)?;
+        let seen = self.seen(self.hidden[0], rng);
+        let mut source = self.seen(self.hidden[1], rng);
+        let mut image = self.image(&seen, &theta, rng)?;
         let points = |side, rows: &[[f64; 2]]| {
             Points::from_rows(rows).map_err(|problem| ScenarioError::Points { side, problem })
         };
@@ -142,14 +195,16 @@ impl Scenario for PlanarCurve {
                 .from_list(theta, RotationForm::Euler)
                 .map_err(|problem| ScenarioError::Impossible(problem.to_string()))
         };
-        let source = if self.is_shuffled {
-            let mut source = self.source.clone();
+        if self.is_shuffled {
             shuffle(&mut image, rng);
             shuffle(&mut source, rng);
-            points(Side::Source, &source)?
-        } else {
-            points(Side::Source, &self.source)?.in_curve_order()
-        };
+        }
+        if self.source_noise > 0.0 {
+            let noise = |rng: &mut ChaCha12Rng| self.source_noise * rng.sample::<f64, _>(StandardNormal);
+            source.iter_mut().flatten().for_each(|x| *x += noise(rng));
+        }
+        let source = points(Side::Source, &source)?;
+        let source = if self.is_shuffled { source } else { source.in_curve_order() };
         let trial = Trial::new(source, points(Side::Target, &image)?, ambient(&theta)?, Success::Error(THRESHOLD));
         Ok(if self.has_start { trial.with_start(ambient(&start)?) } else { trial })
     }
@@ -182,6 +237,22 @@ pub(super) const ENTRY: ScenarioEntry = ScenarioEntry {
             name: "uniform_outliers",
             default: "0",
             meaning: "outliers uniform in the image's bounding box enlarged by a fifth",
+        },
+        ParameterSpec { name: "hidden", default: "0", meaning: "share of the curve that the target lacks: one arc" },
+        ParameterSpec {
+            name: "hidden_source",
+            default: "0",
+            meaning: "share of the curve that the source lacks: one arc",
+        },
+        ParameterSpec {
+            name: "second_curve",
+            default: "0",
+            meaning: "points of another curve in the image, as a share of the curve's points",
+        },
+        ParameterSpec {
+            name: "source_noise",
+            default: "0",
+            meaning: "standard deviation of the noise of the source, in its units, >= 0",
         },
         ParameterSpec {
             name: "start",

@@ -2,11 +2,11 @@
 //!
 //! Every target point is a draw from a kernel on some mapped source point, or uniform clutter:
 //!
-//! p(q | theta) = (1 - c) sum_k w_k N(q; x_k(theta), S_k) + c / A
+//! p(q | theta) = (1 - c) sum_k w_k N(q; x_k(theta) + b_k, S_k) + c / A
 //!
-//! * S_k = s^2 I for [`Kernel::Copies`]: the target holds noisy copies of source points.
+//! * S_k = s^2 I, b_k = 0 for [`Kernel::Copies`]: the target holds noisy copies of source points.
 //! * S_k = s^2 I + t_k^2 T T' for [`Kernel::Shape`]: the target was drawn from the shape anew; T spans the tangent at the source
-//!   point, t_k is a share of the distance to its neighbours.
+//!   point, t_k is a share of the distance to its neighbours, b_k where a bent shape lies on average within t_k, along the normal.
 //!
 //! s (noise) and c (clutter) are unknowns. Means of features decide where to look; this decides what is true: its logarithm is
 //! compared between modes, kinds of sampling and chance, in nats. Responsibilities say which points of *both* sides take part.
@@ -22,6 +22,7 @@ use crate::geometry::linalg::{add_outer, symmetrise};
 use crate::problem::MomentProblem;
 
 pub(crate) mod align;
+mod coherence;
 mod covariance;
 mod fit;
 mod kernels;
@@ -55,7 +56,7 @@ pub(crate) struct Mixture {
 /// Lists of neighbours are kept while no source point moves by more than this share of how far they reach.
 const SAME_NEIGHBOURS: f64 = 0.15;
 /// Responsibilities below this are left out of the derivatives.
-const NEGLIGIBLE: f64 = 1e-4;
+const NEGLIGIBLE: f64 = 1e-7;
 
 /// A source that moves and a target: the data of the likelihood.
 pub(crate) struct PointsLikelihood<'a> {
@@ -68,6 +69,8 @@ pub(crate) struct PointsLikelihood<'a> {
     log_uniform: f64,
     /// Median distance of the target points to their median point.
     pub size: f64,
+    /// Noise is at most this share of the target's size.
+    most_noise: f64,
     /// Source points near a target point that may explain it, at most.
     neighbours: usize,
     /// When to end early: alignments and ascents then return nothing.
@@ -81,8 +84,8 @@ pub(crate) struct Placed {
     /// For every target point the indices of the nearest source points.
     near: Arc<Near>,
     each: usize,
-    /// Squared distances of these pairs along the frame's axis and across it.
-    squares: Vec<[f64; 2]>,
+    /// Distances of these pairs along the frame's axis, and squared ones across it.
+    distances: Vec<[f64; 2]>,
     /// ln of the weights of the source points here.
     log_weights: Vec<f64>,
     /// What the choice of weights costs, in nats.
@@ -141,6 +144,7 @@ impl<'a> PointsLikelihood<'a> {
             target,
             log_uniform,
             size,
+            most_noise: mixture::SIGMA[1],
             neighbours,
             interrupt: Interrupt::default(),
         })
@@ -149,6 +153,11 @@ impl<'a> PointsLikelihood<'a> {
     /// Let alignments and ascents end early.
     pub fn with_interrupt(self, interrupt: Interrupt<'a>) -> Self {
         Self { interrupt, ..self }
+    }
+
+    /// Let the noise be at most this share of the target's size.
+    pub fn with_noise_below(self, most_noise: f64) -> Self {
+        Self { most_noise: most_noise.clamp(2.0 * mixture::SIGMA[0], mixture::SIGMA[1]), ..self }
     }
 
     /// Return the log likelihood of a target that is all clutter: the null hypothesis of [`PointsLikelihood::evidence`].
@@ -203,7 +212,7 @@ impl<'a> PointsLikelihood<'a> {
             frames,
             near,
             each,
-            squares: Vec::new(),
+            distances: Vec::new(),
             log_weights: self.log_weights.clone(),
             cost: 0.0,
         };
@@ -217,18 +226,15 @@ impl<'a> PointsLikelihood<'a> {
         self.measure(placed);
     }
 
-    /// Compute the squared distances of all pairs along the axes and across them.
+    /// Compute the distances of all pairs along the axes, and the squared ones across them.
     fn measure(&self, placed: &mut Placed) {
-        let mut squares = Vec::with_capacity(placed.near.lists.len());
+        let mut distances = Vec::with_capacity(placed.near.lists.len());
         for (q, near) in self.target.iter().zip(placed.near.lists.chunks_exact(placed.each)) {
             for k in near {
-                let (x, axis) = (&placed.mapped.x[*k as usize], &placed.frames[*k as usize].axis);
-                let v: [f64; 3] = std::array::from_fn(|d| q[d] - x[d]);
-                let on = (axis[0] * v[0] + axis[1] * v[1] + axis[2] * v[2]).powi(2);
-                squares.push([on, (v[0] * v[0] + v[1] * v[1] + v[2] * v[2] - on).max(0.0)]);
+                distances.push(placed.distance(q, *k as usize));
             }
         }
-        placed.squares = squares;
+        placed.distances = distances;
     }
 
     /// Return the observed information at theta with the noise as wide as the kernels: what is left of a direction's information when
@@ -334,6 +340,22 @@ impl<'a> PointsLikelihood<'a> {
         (sum - placed.cost, inliers)
     }
 
+    /// Return for every one of other points of the target, so many that no lists of neighbours are kept, the probability that it is no
+    /// clutter.
+    pub fn responsibilities_of(&self, placed: &Placed, mixture: &Mixture, points: &[[f64; 3]]) -> Vec<f64> {
+        let (tree, kernels) =
+            (Neighbours::new(placed.mapped.x.clone(), placed.mapped.dim), self.kernels(placed, mixture));
+        let (mut near, mut distances, mut shares) = (Vec::new(), Vec::new(), vec![0.0; placed.each]);
+        let of = |q: &[f64; 3]| {
+            near.clear();
+            near.extend(tree.nearest_n(q, placed.each).iter().map(|found| found.index as u32));
+            distances.clear();
+            distances.extend(near.iter().map(|k| placed.distance(q, *k as usize)));
+            kernels.shares(&near, &distances, &mut shares).1
+        };
+        points.iter().map(of).collect()
+    }
+
     /// Return for every target point the probability that it is no clutter.
     pub fn responsibilities(&self, placed: &Placed, mixture: &Mixture) -> Vec<f64> {
         let kernels = self.kernels(placed, mixture);
@@ -346,6 +368,14 @@ impl Placed {
     /// Say whether two placements share their lists of neighbours: the source has hardly moved between them.
     fn same_neighbours(&self, other: &Self) -> bool {
         Arc::ptr_eq(&self.near, &other.near)
+    }
+
+    /// Return the distance of a point from a source point along its axis, and the squared one across it.
+    fn distance(&self, q: &[f64; 3], k: usize) -> [f64; 2] {
+        let (x, axis) = (&self.mapped.x[k], &self.frames[k].axis);
+        let v: [f64; 3] = std::array::from_fn(|d| q[d] - x[d]);
+        let on = axis[0] * v[0] + axis[1] * v[1] + axis[2] * v[2];
+        [on, (v[0] * v[0] + v[1] * v[1] + v[2] * v[2] - on * on).max(0.0)]
     }
 
     /// Return the source points near target point `j`.

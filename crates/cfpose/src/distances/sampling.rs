@@ -148,12 +148,19 @@ pub(crate) fn stray(points: &Points) -> Vec<usize> {
     if limit > 0.0 && rows.len() as f64 <= most && points.len() > 8 { rows } else { Vec::new() }
 }
 
+/// Points that [`even`] looks at for each that it keeps.
+const LOOKED_AT: usize = 100;
+
 /// Return at most `limit` of the points, one from each cell of a grid that is as fine as that allows: dense parts lose most, so that what is
-/// left covers the shape evenly, however it was sampled.
+/// left covers the shape evenly, however it was sampled. Of very many points a random part is looked at.
 ///
 /// # Errors
 /// [`PointsError::NoWeight`] when all chosen weights are zero.
 pub(crate) fn even(points: &Points, limit: usize) -> Result<Points, PointsError> {
+    let most = LOOKED_AT * limit.max(1);
+    if points.len() > most {
+        return even(&thin(points, most, &mut crate::streams::stream(0, "even"))?, limit);
+    }
     even_cells(points, limit).map_or_else(|| Ok(points.clone()), |rows| points.select(&rows))
 }
 

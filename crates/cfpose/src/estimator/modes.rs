@@ -19,6 +19,10 @@ const STEPS: usize = 4;
 pub(super) const ONE_MODE: f64 = 0.1;
 /// Source points near a target point that may explain it: of few points, of more.
 pub(super) const NEIGHBOURS: [usize; 2] = [8, 12];
+/// Where the most likely theta is a misfit: the share of its noise that a second search may use.
+const LESS_NOISE: f64 = 0.3;
+/// Deviation of theta that counts as one test, where a fit is to be beyond chance: radians, sizes of the source.
+const EXACT: f64 = 0.01;
 /// Points of each side that starts are proposed for.
 const PROPOSED_FOR: usize = 300;
 
@@ -75,46 +79,123 @@ pub(super) struct Modes {
     pub all: Vec<Mode>,
     /// Gain of the best over a target that is all clutter, in nats.
     pub gain: f64,
+    /// Largest noise that was allowed, in sizes of the target, where they are of a second search.
+    pub most_noise: Option<f64>,
 }
 
 impl Search<'_> {
     /// Look for all modes of the likelihood; `None` where it cannot be computed.
+    ///
+    /// A noise that is large enough explains any two shapes that are a little alike, and can beat a part that fits exactly. So where
+    /// neighbouring points miss the shape together at the most likely theta, the search is made again with much less noise; what it
+    /// finds is the answer if it is no misfit and far beyond chance.
     pub fn modes(&mut self, found: &[Candidate], given: &[Vec<f64>]) -> Result<Option<Modes>, Error> {
-        let coarse = self.covering(self.parts.criteria.coarse_points)?;
-        let fine = self.comparison()?;
+        let (coarse, fine) = (self.covering(self.parts.criteria.coarse_points)?, self.comparison()?);
         let (Some(coarse), Some(fine)) = (coarse, fine) else { return Ok(None) };
-        if self.interrupt.is_raised() {
-            return Ok(None);
+        let aligned = self.aligned(&coarse, found, given)?;
+        let Some(modes) = self.modes_among(&coarse, &fine, aligned.clone(), given) else { return Ok(None) };
+        let first = &modes.all[0].fit;
+        if !self.is_misfit(&fine, first) {
+            return Ok(Some(modes));
         }
-        let starts = self.aligned(&coarse, found, given)?;
-        let roughly = self.ascended(&coarse, self.worth_polishing(starts, self.parts.criteria.ascended));
+        let most = LESS_NOISE * first.mixture.sigma / fine.size;
+        let (coarse, fine) = (coarse.with_noise_below(most), fine.with_noise_below(most));
+        let again = aligned.into_iter().filter_map(|(_, theta)| score(&coarse, theta)).collect();
+        let exact = self.modes_among(&coarse, &fine, again, given);
+        let tests = fine.mover.tangent() as f64 * (std::f64::consts::TAU / EXACT).ln();
+        let least = tests - self.parts.criteria.false_alarms * std::f64::consts::LN_10;
+        let exact = exact.filter(|exact| exact.gain > least && !self.is_misfit(&fine, &exact.all[0].fit));
+        Ok(Some(exact.map_or(modes, |exact| Modes { most_noise: Some(most), ..exact })))
+    }
+
+    /// Polish scored thetas and given ones into modes; `None` where there is none, or where it is time to end.
+    fn modes_among(
+        &self,
+        coarse: &PointsLikelihood<'_>,
+        fine: &PointsLikelihood<'_>,
+        starts: Vec<(f64, Vec<f64>)>,
+        given: &[Vec<f64>],
+    ) -> Option<Modes> {
+        if self.interrupt.is_raised() {
+            return None;
+        }
+        let roughly = self.ascended(coarse, self.worth_polishing(starts, self.parts.criteria.ascended));
         let mut fits: Vec<Fit> = Vec::new();
         for rough in self.worth_polishing(roughly, self.parts.criteria.polished) {
             let most = most_likely(&fits).map_or(f64::NEG_INFINITY, |fit| fit.log_likelihood);
             let shape = fine.ascend_from(&rough, 30, most);
-            self.add_copies(&fine, shape, &mut fits);
+            self.add_copies(fine, shape, &mut fits);
+        }
+        // A given start is refined where it is, however far it is behind at first.
+        for theta in given.iter().map(|theta| self.last().adopt(theta, self.parts)) {
+            let shape = fine.ascend(&theta, Kernel::Shape, 30, f64::NEG_INFINITY);
+            self.add_copies(fine, shape, &mut fits);
         }
         // What the model says the best may also be: a mirrored tilt, a second decomposition.
         if let Some(best) = most_likely(&fits).map(|fit| fit.theta.clone()) {
             for theta in self.last().implied(&best, self.parts) {
                 let most = most_likely(&fits).map_or(f64::NEG_INFINITY, |fit| fit.log_likelihood);
                 let shape = fine.ascend(&theta, Kernel::Shape, 30, most);
-                self.add_copies(&fine, shape, &mut fits);
+                self.add_copies(fine, shape, &mut fits);
             }
         }
+        fits.iter_mut().for_each(|fit| self.add_prior(fit));
+        let all = self.completed(fine, self.distinct(fine, fits));
+        let gain = all.first().map_or(0.0, |mode| mode.fit.log_likelihood - fine.chance());
+        (!all.is_empty()).then_some(Modes { all, gain, most_noise: None })
+    }
+
+    fn is_misfit(&self, fine: &PointsLikelihood<'_>, fit: &Fit) -> bool {
+        let Some(mut placed) = fine.place(&fit.theta, false) else { return true };
+        fine.reweigh(&mut placed, &fit.mixture);
+        self.parts.criteria.is_misfit(fine.coherence(&placed, &fit.mixture), fit.mixture.sigma / fine.size)
+    }
+
+    fn add_prior(&self, fit: &mut Fit) {
         if let Some(prior) = &self.parts.prior {
-            fits.iter_mut().for_each(|fit| fit.log_likelihood += prior.log_density(&fit.theta));
+            fit.log_likelihood += prior.log_density(&fit.theta);
         }
+    }
+
+    /// Sort fits, most likely first, and leave out those that are the same as a better one.
+    fn distinct(&self, fine: &PointsLikelihood<'_>, mut fits: Vec<Fit>) -> Vec<Mode> {
         fits.sort_by(|a, b| b.log_likelihood.total_cmp(&a.log_likelihood));
         let mut all: Vec<Mode> = Vec::new();
         for fit in fits {
             if all.iter().all(|mode| self.apart(&mode.fit.theta, &fit.theta) > ONE_MODE) {
-                let behind = all.first().map_or(Behind::default(), |best| behind(&fine, &best.fit, &fit));
+                let behind = all.first().map_or(Behind::default(), |best| behind(fine, &best.fit, &fit));
                 all.push(Mode { fit, behind });
             }
         }
-        let gain = all.first().map_or(0.0, |mode| mode.fit.log_likelihood - fine.chance());
-        Ok((!all.is_empty()).then_some(Modes { all, gain }))
+        all
+    }
+
+    /// Add the modes that the symmetries of the source make of the equal ones, until there are no new ones or enough.
+    fn completed(&self, fine: &PointsLikelihood<'_>, mut all: Vec<Mode>) -> Vec<Mode> {
+        let most = self.parts.criteria.polished[1];
+        let mut tried: Vec<Vec<f64>> = Vec::new();
+        loop {
+            let mut proposed = self.symmetric(&all, &tried);
+            proposed.truncate(most.saturating_sub(tried.len()));
+            if proposed.is_empty() || self.interrupt.is_raised() {
+                return all;
+            }
+            let best = all.first().map_or(f64::NEG_INFINITY, |mode| mode.fit.log_likelihood);
+            let mut fits: Vec<Fit> = all.into_iter().map(|mode| mode.fit).collect();
+            for theta in proposed {
+                let fit = fine.ascend(&theta, Kernel::Shape, 30, best);
+                tried.push(theta);
+                if let Some(mut fit) = fit.filter(|fit| self.is_usable(fit)) {
+                    self.add_prior(&mut fit);
+                    fits.push(fit);
+                }
+            }
+            all = self.distinct(fine, fits);
+        }
+    }
+
+    fn is_usable(&self, fit: &Fit) -> bool {
+        fit.log_likelihood.is_finite() && self.is_plausible(&fit.theta)
     }
 
     /// Prepare the likelihood that modes are compared by.
@@ -237,7 +318,7 @@ impl Search<'_> {
         for (_, theta) in starts {
             let most = most_likely(&fits).map_or(f64::NEG_INFINITY, |fit| fit.log_likelihood);
             let fit = coarse.ascend(&theta, Kernel::Shape, 12, most);
-            fits.extend(fit.filter(|fit| fit.log_likelihood.is_finite() && self.is_plausible(&fit.theta)));
+            fits.extend(fit.filter(|fit| self.is_usable(fit)));
         }
         fits
     }
@@ -249,8 +330,7 @@ impl Search<'_> {
         let has_all = 4 * fine.mover.len() > 3 * self.last().all_source.len();
         let copies =
             has_all.then(|| fine.ascend(&shape.theta, Kernel::Copies, 8, most.max(shape.log_likelihood))).flatten();
-        let usable = |fit: &Fit| fit.log_likelihood.is_finite() && self.is_plausible(&fit.theta);
-        fits.extend([Some(shape), copies].into_iter().flatten().filter(usable));
+        fits.extend([Some(shape), copies].into_iter().flatten().filter(|fit| self.is_usable(fit)));
     }
 }
 

@@ -29,12 +29,17 @@ pub struct Evidence {
     pub noise: f64,
     /// Root of the trace of the covariance of theta: radians, lengths in sizes of the source.
     pub deviation: f64,
+    /// Share of the variance of the distances along normals that neighbouring target points have in common: about 0 for noise; large where
+    /// the noise that fits best has swallowed a misfit.
+    pub coherence: f64,
     /// Whether the target holds copies of source points rather than new draws from the shape.
     pub copies: bool,
 }
 
 /// Source points near a target point that may explain it, in the last fit.
 const LAST_NEIGHBOURS: usize = 32;
+/// Target points that the mixture of all is taken from, where outliers are looked for.
+const MIXED: usize = 20_000;
 /// Points that are asked about the theta of the means: what is seen (source, target), whether they are copies (target).
 const ASKED: ([usize; 2], usize) = ([800, 2000], 600);
 
@@ -106,7 +111,10 @@ impl Search<'_> {
     /// Polish a mode on all points; `None` where the likelihood cannot be computed.
     fn polished(&self, modes: &Modes, chosen: &Mode) -> Result<Option<(PointFit, Evidence)>, Error> {
         let target_points = self.pipeline.points.as_ref().map_or(0, |points| points.target_points);
-        let Some(full) = self.wide_enough(&chosen.fit, target_points)? else { return Ok(None) };
+        let Some(mut full) = self.wide_enough(&chosen.fit, target_points)? else { return Ok(None) };
+        if let Some(most) = modes.most_noise {
+            full = full.with_noise_below(most);
+        }
         // All points say better than some whether they are copies.
         let kernel =
             full.likely_kernel(&chosen.fit.theta, self.parts.criteria.mode_nats).unwrap_or(chosen.fit.mixture.kernel);
@@ -156,6 +164,7 @@ impl Search<'_> {
             unseen_target: fit.mixture.clutter,
             noise: fit.mixture.sigma / full.size,
             deviation,
+            coherence: full.coherence(placed, &fit.mixture),
             copies: fit.mixture.kernel == Kernel::Copies,
         }
     }
@@ -211,14 +220,19 @@ impl Search<'_> {
         if fit.mixture.clutter < 0.01 || target.len() != self.stages.data.target.len() {
             return Ok(None);
         }
-        let Some(all) = self.wide_enough(fit, 0)? else { return Ok(None) };
-        let Some(mut placed) = all.place(&fit.theta, false) else { return Ok(None) };
+        // A part of a large target says what the mixture is, and often that nothing is to be left out.
+        let Some(part) = self.wide_enough(fit, MIXED)? else { return Ok(None) };
+        let Some(mut placed) = part.place(&fit.theta, false) else { return Ok(None) };
         let shape = Mixture { kernel: Kernel::Shape, ..fit.mixture };
-        let (mixture, _) = all.mixture_from(&mut placed, &shape);
-        let shares = all.responsibilities(&placed, &mixture);
-        let rows: Vec<usize> = (0..shares.len()).filter(|k| shares[*k] > 0.5).collect();
+        let (mixture, _) = part.mixture_from(&mut placed, &shape);
+        let inlying = |shares: &[f64]| (0..shares.len()).filter(|k| shares[*k] > 0.5).collect::<Vec<usize>>();
         // The tails of the noise alone look like a few outliers, and the means of the same points need them.
-        let few = rows.len() as f64 > 0.97 * shares.len() as f64;
-        Ok((rows.len() > 10 && !few).then_some(rows))
+        let few = |rows: &[usize], all: usize| rows.len() as f64 > 0.97 * all as f64;
+        let asked = part.responsibilities(&placed, &mixture);
+        if few(&inlying(&asked), asked.len()) {
+            return Ok(None);
+        }
+        let rows = inlying(&part.responsibilities_of(&placed, &mixture, &target.rows()));
+        Ok((rows.len() > 10).then_some(rows))
     }
 }

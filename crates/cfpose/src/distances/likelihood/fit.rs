@@ -62,27 +62,40 @@ impl PointsLikelihood<'_> {
         let mut theta = theta.to_vec();
         let mut sums = self.sums(&placed, &mixture);
         let (mut damping, mut iterations, mut converged) = (0.1, 0, false);
+        // Held frames turn with the last theta they were fitted at; an answer needs those of its own.
+        let mut is_final = nats > NATS[1];
+        let mut drift = 0.0;
         while iterations < max_iterations && !converged {
             if self.interrupt.is_raised() {
                 return None;
             }
             iterations += 1;
             let Some((next, there, gain)) = self.step(&theta, &placed, &sums, &mixture, nats, &mut damping) else {
-                converged = true;
-                break;
+                if is_final {
+                    converged = true;
+                    break;
+                }
+                is_final = true;
+                self.refresh(&mut placed);
+                sums = self.sums(&placed, &mixture);
+                continue;
             };
             // Frames and weights follow theta while it moves by much, noise and clutter always.
             let has_moved = !placed.same_neighbours(&there);
             (theta, placed) = (next, there);
-            converged = gain < nats;
-            if has_moved {
+            converged = gain < nats && is_final;
+            if has_moved || gain < nats {
                 self.refresh(&mut placed);
             }
+            is_final |= gain < nats;
             if has_moved || iterations <= ALWAYS_REWEIGHED {
                 self.reweigh(&mut placed, &mixture);
             }
             let before = mixture.sigma;
             mixture = self.updated(self.variance(&placed, &mixture), &mixture);
+            if nats <= NATS[1] {
+                mixture.sigma *= ahead(&mut drift, (mixture.sigma / before).ln());
+            }
             // An equal mode is far behind while its noise still shrinks.
             let stands = mixture.sigma > 0.9 * before;
             if iterations >= GIVE_UP && stands && sums.log_likelihood + gain < least - FAR {
@@ -135,6 +148,18 @@ impl PointsLikelihood<'_> {
         }
         None
     }
+}
+
+/// Return the factor that leads a geometric sequence of steps of ln s to its limit (Steffensen), from two steps: the fixed point of s goes
+/// four fifths of the way left at each.
+fn ahead(last: &mut f64, step: f64) -> f64 {
+    let ratio = step / *last;
+    if (0.1..0.9).contains(&ratio) {
+        *last = 0.0;
+        return (step * ratio / (1.0 - ratio)).exp();
+    }
+    *last = step;
+    1.0
 }
 
 /// v' M v.

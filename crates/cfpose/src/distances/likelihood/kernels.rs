@@ -13,26 +13,31 @@ impl PointsLikelihood<'_> {
         let each = placed.frames.iter().zip(&placed.log_weights).map(|(frame, log_weight)| {
             let precision = Precision::of(frame, mixture);
             let peak = log_inlier + log_weight - 0.5 * precision.log_determinant(dim);
-            [peak, -0.5 * precision.along, -0.5 * precision.across]
+            [peak, -0.5 * precision.along, -0.5 * precision.across, precision.bend]
         });
         Kernels { each: each.collect(), log_clutter: mixture.clutter.ln() + self.log_uniform }
     }
 }
 
-/// The kernels of all source points at one mixture: ln of the peak, and what multiplies the squares along and across the axis.
+/// The kernels of all source points at one mixture: ln of the peak, and what multiplies the squares along and across the axis, and where its
+/// middle lies on it.
 pub(super) struct Kernels {
-    each: Vec<[f64; 3]>,
+    each: Vec<[f64; 4]>,
     log_clutter: f64,
 }
 
 impl Kernels {
     /// Fill `shares` with the probabilities that target point `j` comes from each source point near it; return ln p(q) and their sum.
     pub fn responsibilities(&self, placed: &Placed, j: usize, shares: &mut [f64]) -> (f64, f64) {
+        self.shares(placed.near_to(j), &placed.distances[j * placed.each..(j + 1) * placed.each], shares)
+    }
+
+    /// Do the same for a target point whose nearest source points and distances from them ([`Placed::distances`]) are given.
+    pub fn shares(&self, near: &[u32], distances: &[[f64; 2]], shares: &mut [f64]) -> (f64, f64) {
         let mut largest = self.log_clutter;
-        let squares = &placed.squares[j * placed.each..(j + 1) * placed.each];
-        for ((share, k), [on, off]) in shares.iter_mut().zip(placed.near_to(j)).zip(squares) {
-            let [peak, along, across] = self.each[*k as usize];
-            *share = peak + along * on + across * off;
+        for ((share, k), [on, off]) in shares.iter_mut().zip(near).zip(distances) {
+            let [peak, along, across, bend] = self.each[*k as usize];
+            *share = peak + along * (on - bend) * (on - bend) + across * off;
             largest = largest.max(*share);
         }
         let mut inlier = 0.0;
@@ -47,23 +52,24 @@ impl Kernels {
     }
 }
 
-/// The inverse of S = s^2 I + across (I - a a') + along a a'.
+/// The inverse of S = s^2 I + across (I - a a') + along a a', and the middle of the kernel on the axis a.
 pub(super) struct Precision {
     axis: [f64; 3],
     /// Inverse variances along the axis and across it.
     pub along: f64,
     pub across: f64,
+    pub bend: f64,
     noise: f64,
 }
 
 impl Precision {
     pub fn of(frame: &Frame, mixture: &Mixture) -> Self {
         let noise = mixture.sigma * mixture.sigma;
-        let (along, across) = match mixture.kernel {
-            Kernel::Copies => (0.0, 0.0),
-            Kernel::Shape => (frame.along, frame.across),
+        let (along, across, bend) = match mixture.kernel {
+            Kernel::Copies => (0.0, 0.0, 0.0),
+            Kernel::Shape => (frame.along, frame.across, frame.bend),
         };
-        Self { axis: frame.axis, along: (noise + along).recip(), across: (noise + across).recip(), noise }
+        Self { axis: frame.axis, along: (noise + along).recip(), across: (noise + across).recip(), bend, noise }
     }
 
     pub fn project(&self, v: &[f64]) -> f64 {
@@ -75,9 +81,10 @@ impl Precision {
         -(self.along.ln() + (dim - 1.0) * self.across.ln())
     }
 
-    /// S^-1 v.
+    /// S^-1 (v - bend a), v from the source point to a target point.
     pub fn apply(&self, v: &[f64; 3]) -> [f64; 3] {
-        let on = (self.along - self.across) * self.project(v);
+        let on = self.project(v);
+        let on = self.along * (on - self.bend) - self.across * on;
         std::array::from_fn(|d| self.across * v[d] + on * self.axis[d])
     }
 
@@ -93,7 +100,9 @@ impl Precision {
     }
 
     /// Fisher scoring for s^2: each direction tells by its squared precision how far its square exceeds its tangential width.
+    /// `on` is a distance along the axis, `off` a squared one across it.
     pub fn add_variance(&self, on: f64, off: f64, share: f64, dim: usize, sums: &mut [f64; 2]) {
+        let on = (on - self.bend) * (on - self.bend);
         let (along, across) = (share * self.along * self.along, share * self.across * self.across);
         let others = dim as f64 - 1.0;
         let tangential = |precision: f64| precision.recip() - self.noise;

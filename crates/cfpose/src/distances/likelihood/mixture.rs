@@ -6,7 +6,7 @@ use super::{Kernel, Mixture, NEGLIGIBLE, Placed, PointsLikelihood};
 /// Clutter is between these shares.
 const CLUTTER: [f64; 2] = [1e-3, 0.85];
 /// Noise is between these shares of the target's size.
-const SIGMA: [f64; 2] = [2e-4, 0.25];
+pub(super) const SIGMA: [f64; 2] = [2e-4, 0.25];
 impl PointsLikelihood<'_> {
     /// Return the mixture of a kernel that is most likely at a placement, and its log likelihood: s over a grid, c by its fixed point,
     /// then both by theirs.
@@ -33,7 +33,7 @@ impl PointsLikelihood<'_> {
     }
 
     fn likely_mixture(&self, placed: &Placed, kernel: Kernel, grid: usize) -> (Mixture, f64) {
-        let bounds = SIGMA.map(|share| share * self.size);
+        let bounds = [SIGMA[0], self.most_noise].map(|share| share * self.size);
         let mut best: Option<(Mixture, f64)> = None;
         for k in 0..grid {
             if self.interrupt.is_raised() {
@@ -77,7 +77,7 @@ impl PointsLikelihood<'_> {
             inliers += kernels.responsibilities(placed, j, &mut shares).1;
             for (at, (share, k)) in shares.iter().zip(placed.near_to(j)).enumerate() {
                 if *share > NEGLIGIBLE {
-                    let [on, off] = placed.squares[j * placed.each + at];
+                    let [on, off] = placed.distances[j * placed.each + at];
                     let precision = Precision::of(&placed.frames[*k as usize], mixture);
                     precision.add_variance(on, off, *share, placed.mapped.dim, &mut variance);
                 }
@@ -88,7 +88,7 @@ impl PointsLikelihood<'_> {
 
     /// One step of s^2 and c towards their most likely values.
     pub(super) fn updated(&self, (variance, inliers): ([f64; 2], f64), mixture: &Mixture) -> Mixture {
-        let [least, most] = SIGMA.map(|share| share * self.size);
+        let [least, most] = [SIGMA[0], self.most_noise].map(|share| share * self.size);
         let [square, weight] = variance;
         let variance = if weight > 0.0 { square / weight } else { mixture.sigma * mixture.sigma };
         let sigma = variance.max(0.1 * mixture.sigma * mixture.sigma).sqrt().clamp(least, most);

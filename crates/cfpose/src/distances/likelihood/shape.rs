@@ -27,6 +27,8 @@ pub(super) struct Frame {
     pub axis: [f64; 3],
     pub along: f64,
     pub across: f64,
+    /// Where the shape within the kernel lies on average, along the axis from the point: a bent shape leaves its tangent.
+    pub bend: f64,
 }
 
 impl Shape {
@@ -93,19 +95,46 @@ impl Shape {
                 // The axis of largest spread lies at half the angle of (difference, c_01).
                 let (sin, cos) = (0.5 * c[0][1].atan2(difference)).sin_cos();
                 let along = square * tangential((half - radius).max(0.0), half + radius);
-                Frame { axis: [-sin, cos, 0.0], along, across: square }
+                let axis = [-sin, cos, 0.0];
+                Frame { axis, along, across: square, bend: self.bend(k, mapped, &axis, square, along) }
             }
             3 => {
                 let (values, axis) = least_axis3(&c);
                 let thin = tangential(values[1].max(0.0), values[0]);
                 if thin < 0.5 {
                     // A curve in space: tangential along its own direction only.
-                    return Frame { axis: main_axis(&c, values[1]), along: square, across: square * thin };
+                    let axis = main_axis(&c, values[1]);
+                    return Frame { axis, along: square, across: square * thin, bend: 0.0 };
                 }
-                Frame { axis, along: square * tangential(values[2].max(0.0), values[1]), across: square }
+                let along = square * tangential(values[2].max(0.0), values[1]);
+                Frame { axis, along, across: square, bend: self.bend(k, mapped, &axis, square, along) }
             }
-            _ => Frame { axis: [1.0, 0.0, 0.0], along: square, across: square },
+            _ => Frame { axis: [1.0, 0.0, 0.0], along: square, across: square, bend: 0.0 },
         }
+    }
+
+    /// Return how far the middle of a kernel of tangential variance `square` lies from its point along the normal: the height of the
+    /// neighbours over the tangent, which grows by the square of the distance along it, at the kernel's mean square. Where the
+    /// neighbourhood has no normal (`along` is tangential, too) there is no bend.
+    ///
+    /// The axis is the normal at the middle c of the neighbours, so the heights over the point's own tangent, -kappa r^2 / 2, are seen as
+    /// -kappa r^2 / 2 + kappa c.r; their sum is -kappa / 2 (sum r^2 - 2 c.sum r).
+    fn bend(&self, k: usize, mapped: &Mapped, axis: &[f64; 3], square: f64, along: f64) -> f64 {
+        let (mut height, mut squares, mut sum) = (0.0, 0.0, [0.0; 3]);
+        for i in self.list(k) {
+            let v: [f64; 3] = std::array::from_fn(|d| mapped.x[*i as usize][d] - mapped.x[k][d]);
+            let on: f64 = (0..3).map(|d| axis[d] * v[d]).sum();
+            height += on;
+            squares += v.iter().map(|v| v * v).sum::<f64>() - on * on;
+            (0..3).for_each(|d| sum[d] += v[d] - on * axis[d]);
+        }
+        let one_sided = sum.iter().map(|s| s * s).sum::<f64>() / self.each as f64;
+        // At an edge the neighbours lie on one side and tell less about the bend.
+        let lever = (squares - 2.0 * one_sided).max(0.5 * squares);
+        if lever <= 0.0 {
+            return 0.0;
+        }
+        (1.0 - along / square) * height / lever * square * (mapped.dim as f64 - 1.0)
     }
 
     /// Say around which points the target has less than `share` of its even mass: `even` times the weight. Summed over neighbours of

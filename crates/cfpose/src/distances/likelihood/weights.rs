@@ -7,7 +7,7 @@ const CAPACITY: [f64; 2] = [2.0, 3.0];
 /// A neighbourhood with less than this share of its even share is not seen.
 const SEEN: f64 = 0.25;
 /// Share of the source that may be called hidden.
-const MOST_HIDDEN: f64 = 0.5;
+const MOST_HIDDEN: f64 = 0.7;
 /// What a hidden part costs: to say where it is, in nats.
 const HIDDEN_NATS: f64 = 10.0;
 /// Less than this share is not worth saying.
