@@ -134,6 +134,8 @@ fn the_demo_finds_its_pose_and_draws_it() {
     assert!(run.out.contains("truth") && run.out.contains("cfpose-demo/overlay.svg"), "{}", run.out);
     assert!(desk.read("cfpose-demo/overlay.svg").starts_with("<svg"));
     let result = desk.json("demo --seed 2 --out elsewhere");
+    assert!(result["image"]["px"].as_f64().unwrap() < 0.3 && result["image"]["verdict"] == "good", "{result}");
+    assert!(desk.path("elsewhere/registered.png").exists());
     assert!(result["rotation_error_deg"].as_f64().unwrap() < 2.0, "{result}");
     // The command it proposes finds the same pose in its files; so does a scenario that gives no start.
     for scenario in ["planar-curve[b_p=0.01]", "cloud3[points=500]"] {

@@ -10,7 +10,7 @@ mod sequence;
 mod shapes;
 
 pub use cells::{CELLS, RenderedCell};
-pub use measure::{RenderedRow, RenderedSummary, measure, summarise};
+pub use measure::{RenderedRow, RenderedSummary, measure, measure_one, summarise};
 pub use scene::{Hidden, RenderedTrial, draw, draw_from};
 pub use sequence::{
     DrawnSequence, RenderedSequence, SEQUENCES, SequenceSummary, draw_sequence, measure_sequence, prepare_sequence,

@@ -83,7 +83,7 @@ pub use light::guess_transfer;
 pub use lookup::{format_named, format_of};
 pub use mesh::{Mesh, read_mesh};
 pub use options::{Foreground, Invalid, MASK_POINTS, ReadOptions, Threshold};
-pub use picture::{Picture, Transfer, read_picture};
+pub use picture::{Filter, Hue, HueError, Picture, Transfer, read_picture};
 pub use poses::{PoseFormat, StampedPose, read_poses};
 pub use raster::Raster;
 pub use read::{PointFile, read_points};

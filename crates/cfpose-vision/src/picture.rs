@@ -1,6 +1,7 @@
 //! Images as light: decoded, with the camera's transfer function undone.
 
 mod decode;
+mod hue;
 mod transfer;
 
 use std::path::Path;
@@ -12,6 +13,7 @@ use crate::error::{Fault, FileError, Flaw};
 use crate::raster::Raster;
 
 pub(crate) use decode::decode_image;
+pub use hue::{Filter, Hue, HueError};
 pub use transfer::Transfer;
 
 /// Code values from which a pixel counts as over-exposed, as a share of the largest.
@@ -87,9 +89,13 @@ impl Picture {
     /// Return light from 0 to 1: code values with the transfer function undone, of colours the luminance of ITU-R BT.709.
     pub fn light(&self, transfer: Transfer) -> Raster {
         let table = transfer.table(self.bytes);
-        let shift = if self.bytes { 8 } else { 0 };
-        let light =
-            |plane: &[u16]| -> Vec<f32> { plane.iter().map(|code| table[usize::from(*code >> shift)]).collect() };
+        let light = |plane: &[u16]| -> Vec<f32> {
+            match <&[f32; 256]>::try_from(table.as_slice()) {
+                // Any byte is an index of this table: nothing is checked per pixel.
+                Ok(table) => plane.iter().map(|code| table[usize::from((*code >> 8) as u8)]).collect(),
+                Err(_) => plane.iter().map(|code| table[usize::from(*code)]).collect(),
+            }
+        };
         let values = match self.planes.as_slice() {
             [red, green, blue] => {
                 let mut sum: Vec<f32> = light(red).iter().map(|v| 0.2126 * v).collect();

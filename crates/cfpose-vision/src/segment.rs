@@ -4,8 +4,9 @@
 //! everywhere. Between the levels of pattern and background the share of a pixel is w = (background - value) / (background - pattern).
 
 mod background;
+pub(crate) mod clusters;
 mod histogram;
-mod labels;
+pub(crate) mod labels;
 pub(crate) mod sparse;
 
 use crate::options::Foreground;
@@ -52,6 +53,8 @@ pub struct Segmentation {
     pub dark: bool,
     /// Level of the pattern in `reflectance`.
     pub level: f32,
+    /// Level of the background in `reflectance`.
+    pub background: f32,
     /// Threshold in `reflectance`.
     pub threshold: f32,
     /// Standard deviation of the coverage by noise; of an image without mixed pixels that of a place within a pixel.
@@ -97,14 +100,23 @@ pub fn segment(light: &Raster, options: &SegmentOptions) -> Result<Segmentation,
         Foreground::Auto => border_is_above(&smooth, plain.threshold),
     };
     let bright: Vec<bool> = smooth.values().iter().map(|value| *value > 0.94 * CLIPPED).collect();
-    let (reflectance, smooth, threshold) = flatten(light, smooth, dark, plain, options)?;
+    let (mut reflectance, mut smooth, threshold) = flatten(light, smooth, dark, plain, &bright, options)?;
     let mut mask = Mask::of(&smooth, |value| value <= threshold);
     let first = levels(&reflectance, &mask, &bright).ok_or(SegmentError::OneColour)?;
     // Once more between the two levels that were found.
     let pattern = options.level.map_or(first[0], |known| nearest_level(&smooth, known, first[0]));
     let middle = options.threshold.unwrap_or(0.5 * (first[1] + pattern));
     mask = Mask::of(&smooth, |value| value <= middle);
-    let others = options.find_others.then(|| labels::neither(&smooth, first[1], pattern)).flatten();
+    let mut others = options.find_others.then(|| labels::neither(&smooth, first[1], pattern)).flatten();
+    if let (true, Some(hidden)) = (dark, &others) {
+        // Once more without what hides the background: its seams would bend the surface.
+        let values = mask.values.iter().zip(hidden).map(|(inside, other)| inside | u8::from(*other)).collect();
+        if let Some(correction) = background::refit(&smooth, &bright, &Mask { values, ..mask }) {
+            (reflectance, smooth) = (correction.divide(&reflectance), correction.divide(&smooth));
+        }
+        mask = Mask::of(&smooth, |value| value <= middle);
+        others = labels::neither(&smooth, first[1], pattern);
+    }
     if let Some(others) = &others {
         mask.values.iter_mut().zip(others).for_each(|(inside, other)| *inside &= u8::from(!*other));
     }
@@ -137,6 +149,7 @@ pub fn segment(light: &Raster, options: &SegmentOptions) -> Result<Segmentation,
         reflectance,
         dark,
         level: inside,
+        background: outside,
         threshold: middle,
         noise,
         components,
@@ -150,6 +163,7 @@ fn flatten(
     smooth: Raster,
     dark: bool,
     plain: histogram::Split,
+    bright: &[bool],
     options: &SegmentOptions,
 ) -> Result<(Raster, Raster, f32), SegmentError> {
     if !dark {
@@ -184,7 +198,7 @@ fn flatten(
         // The surface through the background's pixels alone.
         let threshold = options.threshold.unwrap_or(split.threshold);
         let mask = Mask::of(&even, |value| value <= threshold);
-        if let Some(correction) = background::refit(&even, &smooth, &mask, CLIPPED) {
+        if let Some(correction) = background::refit(&even, bright, &mask) {
             (reflectance, even) = (correction.divide(&reflectance), correction.divide(&even));
         }
     }

@@ -19,6 +19,26 @@ pub struct LookArgs {
     /// Whether the pattern is darker or brighter than its background; found by the border when not given
     #[arg(long, value_name = "dark|bright")]
     pub foreground: Option<Side>,
+    /// Hue of the pattern, degrees (0 red, 120 green, 240 blue): images are looked at through the colour filter that tells it best from the
+    /// reference's background
+    #[arg(long, value_name = "DEGREES", value_parser = hue)]
+    pub hue: Option<f32>,
+    /// Largest distance from the hue, degrees
+    #[arg(long, value_name = "DEGREES", value_parser = hue, default_value_t = 40.0)]
+    pub hue_width: f32,
+}
+
+/// Read an angle from 0 to 360 degrees.
+fn hue(text: &str) -> Result<f32, String> {
+    let read = text.parse().ok().filter(|v| (0.0..=360.0).contains(v));
+    read.ok_or_else(|| "expected degrees from 0 to 360".to_string())
+}
+
+impl LookArgs {
+    /// Return the hue that was given.
+    pub fn hue(&self) -> Option<cfpose_vision::Hue> {
+        self.hue.map(|degrees| cfpose_vision::Hue { degrees, width: self.hue_width })
+    }
 }
 
 /// Transfer functions.

@@ -1,6 +1,8 @@
 //! `cfpose demo`: simulate, estimate by the printed method and by `auto`, print a table, draw an overlay with error ellipses;
 //! offline and from a seed.
 
+mod picture;
+
 use std::path::Path;
 use std::time::Instant;
 
@@ -43,7 +45,8 @@ struct Attempt {
 /// [`Failure`] of the scenario's name or of the folder; an estimate that is off is a run without a usable result.
 pub fn run(args: &DemoArgs, lab: &Lab) -> Result<(), Failure> {
     let begun = Instant::now();
-    let own = ["overlay.svg", "source.csv", "target.csv"].map(|name| args.out.join(name));
+    let own = ["overlay.svg", "source.csv", "target.csv"].into_iter().chain(picture::FILES);
+    let own: Vec<_> = own.map(|name| args.out.join(name)).collect();
     output::keep_apart(&own, &[args.json.as_deref()])?;
     let (entry, parameters) = find("scenario", &lab.scenarios, &args.scenario)?;
     let mut scenario = (entry.build)(&parameters)?;
@@ -59,9 +62,11 @@ pub fn run(args: &DemoArgs, lab: &Lab) -> Result<(), Failure> {
     write_figure(&args.out, &attempts, &start)?;
     let found = auto.estimate.usable() && auto.error.is_some_and(|error| trial.success.holds(&error));
     let start_error = scenario.error(&paper.estimator.model().layout, &start, &trial.truth);
+    let image = picture::show(&args.out, args.seed, lab)?;
     let seconds = begun.elapsed().as_secs_f64();
     let json = args.json.as_deref();
-    output::show(&text(args, &attempts, &trial, (&start, start_error), seconds), json)?;
+    let points = text(args, &attempts, &trial, (&start, start_error), seconds);
+    output::show(&format!("{points}\n\n{}", image.text), json)?;
     let list = |theta: &[f64]| auto.estimator.model().layout.to_list(theta, RotationForm::Vector);
     let value = json!({
         "scenario": args.scenario,
@@ -77,10 +82,14 @@ pub fn run(args: &DemoArgs, lab: &Lab) -> Result<(), Failure> {
         "success": found,
         "verdict": auto.estimate.verdict.map(Verdict::name),
         "methods": attempts.iter().map(Attempt::json).collect::<Vec<_>>(),
+        "image": image.value,
         "seconds": seconds,
         "out": args.out,
     });
     output::write_json(&value, json)?;
+    if !image.found {
+        return Err(Failure::unusable("the pose of the rendered image is not near the truth"));
+    }
     if found { Ok(()) } else { Err(Failure::unusable("the estimate is not near the truth; no start was near enough")) }
 }
 

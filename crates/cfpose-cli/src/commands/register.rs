@@ -13,8 +13,8 @@ use cfpose::theta::RotationForm;
 use cfpose_lab::Lab;
 use cfpose_vision::registration::{FrameVerdict, Pattern, Registered, Registrar};
 use cfpose_vision::{
-    Camera, Foreground, Picture, SegmentOptions, Transfer, guess_transfer, is_design, read_design, read_picture,
-    segment,
+    Camera, Filter, Foreground, HueError, Picture, Raster, SegmentOptions, Transfer, guess_transfer, is_design,
+    read_design, read_picture, segment,
 };
 
 use crate::args::{FrameName, LookArgs, RegisterArgs, Side};
@@ -35,6 +35,8 @@ pub(super) struct Setup {
     pub options: SegmentOptions,
     /// How light is written.
     pub transfer: Transfer,
+    /// Filter that images are looked at through, where the pattern has a hue.
+    pub filter: Option<Filter>,
     pub seed: u64,
 }
 
@@ -150,11 +152,13 @@ fn of_image(
     // One camera writes them all: the reference and the first frame that can be read tell how.
     let pictures: Vec<&Picture> = std::iter::once(&picture).chain(first).collect();
     let used = args.look.transfer.given().unwrap_or_else(|| guess_transfer(&pictures, &options));
-    let segmentation = segment(&picture.light(used), &options).map_err(|error| named(&error))?;
+    let filter = filter_of(&args.look, &picture, used).map_err(|error| named(&error))?;
+    let light = light_of(&picture, filter.as_ref(), used);
+    let segmentation = segment(&light, &options).map_err(|error| named(&error))?;
     let own = camera_for(reference_camera.or(camera), &picture, model).map_err(|problem| named(&problem))?;
     let pattern = Pattern::new(&segmentation, own).map_err(|error| named(&error))?;
     let units = Units::new(model, camera, own, &pattern, args.size);
-    Ok(Setup { registrar, pattern, units, options, transfer: used, seed: args.seed })
+    Ok(Setup { registrar, pattern, units, options, transfer: used, filter, seed: args.seed })
 }
 
 /// Make a design the reference: seen from in front of its centre, half as large as the frames.
@@ -167,6 +171,9 @@ fn of_design(
 ) -> Result<Setup, Failure> {
     let named = |problem: &dyn std::fmt::Display| Failure::input(format!("{}: {problem}", args.reference.display()));
     let design = read_design(&args.reference, args.size)?;
+    if args.look.hue.is_some() {
+        return Err(Failure::usage("--hue needs an image as the reference: a design has no colours"));
+    }
     let side = first.map_or(480, |picture| picture.width().min(picture.height())) as f64;
     let focal = camera.map_or(2.0 * side, Camera::focal);
     let distance = focal * design.extent() / (0.5 * side);
@@ -180,7 +187,7 @@ fn of_design(
         args.look.transfer.given().unwrap_or_else(|| guess_transfer(&first.into_iter().collect::<Vec<_>>(), &options));
     let [x, y] = design.centre();
     let units = Units::of_design(model, camera, own, [-x, -y, distance]);
-    Ok(Setup { registrar, pattern, units, options, transfer: used, seed: args.seed })
+    Ok(Setup { registrar, pattern, units, options, transfer: used, filter: None, seed: args.seed })
 }
 
 /// Return the camera of an image: the one that was given, fitted to the image's size, or one that only makes pixels numbers of size 1.
@@ -200,7 +207,7 @@ fn camera_for(given: Option<Camera>, picture: &Picture, model: &str) -> Result<C
 fn register(setup: &Setup, name: &Path, last: Option<&[f64]>) -> Result<Done, String> {
     let picture = read_picture(name).map_err(|error| format!("{}{}", error.at, error.fault))?;
     let camera = camera_for(setup.units.camera, &picture, &setup.units.model)?;
-    let light = Arc::new(picture.light(setup.transfer));
+    let light = Arc::new(light_of(&picture, setup.filter.as_ref(), setup.transfer));
     let found = setup.registrar.follow(&setup.pattern, light, &setup.options, camera, last, setup.seed);
     let mut found = found.map_err(|missed| missed.to_string())?;
     if found.verdict == FrameVerdict::Lost {
@@ -226,6 +233,16 @@ fn clipped_share(setup: &Setup, picture: &Picture, camera: Camera, theta: &[f64]
             && near(p[1], picture.height()).any(|y| near(p[0], picture.width()).any(|x| picture.is_clipped(x, y)))
     };
     places.iter().filter(clipped).count() as f64 / places.len().max(1) as f64
+}
+
+/// Find the filter for the hue that was given, on an image.
+pub(super) fn filter_of(args: &LookArgs, picture: &Picture, transfer: Transfer) -> Result<Option<Filter>, HueError> {
+    args.hue().map(|hue| Filter::for_hue(picture, hue, transfer)).transpose()
+}
+
+/// Return the light of an image, through a filter where there is one.
+pub(super) fn light_of(picture: &Picture, filter: Option<&Filter>, transfer: Transfer) -> Raster {
+    filter.map_or_else(|| picture.light(transfer), |filter| picture.through(filter, transfer))
 }
 
 /// Return what the flags of segmentation say.

@@ -5,7 +5,7 @@ use cfpose_vision::{Raster, SegmentOptions, contours_of, guess_transfer, read_pi
 use serde_json::json;
 
 use crate::args::SegmentArgs;
-use crate::commands::register::look;
+use crate::commands::register::{filter_of, light_of, look};
 use crate::failure::Failure;
 use crate::output;
 
@@ -21,7 +21,8 @@ pub fn run(args: &SegmentArgs) -> Result<(), Failure> {
     let options = SegmentOptions { find_others: !args.reference, ..look(&args.look) };
     let transfer = args.look.transfer.given().unwrap_or_else(|| guess_transfer(&[&picture], &options));
     let named = |problem: &dyn std::fmt::Display| Failure::input(format!("{}: {problem}", args.image.display()));
-    let found = segment(&picture.light(transfer), &options).map_err(|error| named(&error))?;
+    let filter = filter_of(&args.look, &picture, transfer).map_err(|error| named(&error))?;
+    let found = segment(&light_of(&picture, filter.as_ref(), transfer), &options).map_err(|error| named(&error))?;
     let contours = contours_of(&found.coverage, 0.5);
     let covered: f64 = found.coverage.values().iter().map(|v| f64::from(*v)).sum();
     let components: Vec<_> =
@@ -31,6 +32,7 @@ pub fn run(args: &SegmentArgs) -> Result<(), Failure> {
         "image": args.image,
         "size": [picture.width(), picture.height()],
         "transfer": transfer.name(),
+        "filter": filter.map(|filter| filter.0),
         "pattern": if found.dark { "dark" } else { "bright" },
         "level": found.level,
         "threshold": found.threshold,

@@ -13,13 +13,26 @@ pub struct RenderedCell {
     pub tilt: f64,
     /// Radius of the pattern in the reference, pixels.
     pub radius: f64,
+    /// Largest turn in the plane, degrees.
+    pub turn: f64,
     /// Largest shift across the line of sight, depths.
     pub shift: f64,
     /// What happens to the frame's light.
     pub exposure: Exposure,
     /// What is hidden, or beside the pattern.
     pub hidden: Hidden,
+    /// Tangent columns of `plane-bearing` that move, those of `--free`.
+    pub free: &'static [usize],
 }
+
+/// All columns: a camera that moves freely.
+pub(super) const ALL: &[usize] = &[0, 1, 2, 3, 4, 5];
+
+/// A mobile robot before a wall: yaw, sideways and ahead (section IV.B).
+pub(super) const ON_WHEELS: &[usize] = &[1, 3, 5];
+
+/// A flying robot that holds itself level: its height too.
+pub(super) const LEVEL: &[usize] = &[1, 3, 4, 5];
 
 const CALM: Exposure = Exposure {
     background: 200.0,
@@ -31,12 +44,15 @@ const CALM: Exposure = Exposure {
     transfer: Transfer::Linear,
 };
 
+/// A photograph in the open: light from one side, sRGB, unsteady hands.
+const OUTDOOR: Exposure = Exposure { gradient: 0.3, motion: 4.0, noise: 4.0, transfer: Transfer::Srgb, ..CALM };
+
 const fn complete(name: &'static str, tilt: f64, exposure: Exposure) -> RenderedCell {
-    RenderedCell { name, tilt, radius: 150.0, shift: 0.08, exposure, hidden: Hidden::Nothing }
+    RenderedCell { name, tilt, turn: 25.0, radius: 150.0, shift: 0.08, exposure, hidden: Hidden::Nothing, free: ALL }
 }
 
 const fn occluded(name: &'static str, hidden: Hidden) -> RenderedCell {
-    RenderedCell { name, tilt: 25.0, radius: 150.0, shift: 0.08, exposure: CALM, hidden }
+    RenderedCell { name, tilt: 25.0, turn: 25.0, radius: 150.0, shift: 0.08, exposure: CALM, hidden, free: ALL }
 }
 
 /// All conditions: those of docs/vision.md.
@@ -65,4 +81,8 @@ pub const CELLS: &[RenderedCell] = &[
     occluded("greys0", Hidden::Greys { share: 0.0 }),
     occluded("greys20", Hidden::Greys { share: 0.2 }),
     occluded("greys30", Hidden::Greys { share: 0.3 }),
+    RenderedCell { free: ON_WHEELS, ..complete("wheels", 45.0, CALM) },
+    RenderedCell { free: LEVEL, ..complete("level", 45.0, CALM) },
+    RenderedCell { turn: 180.0, ..complete("anywhere", 60.0, CALM) },
+    RenderedCell { exposure: OUTDOOR, ..occluded("outdoor", Hidden::Greys { share: 0.1 }) },
 ];

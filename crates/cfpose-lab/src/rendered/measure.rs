@@ -10,7 +10,7 @@ use cfpose_vision::{SegmentOptions, segment};
 use rayon::prelude::*;
 use serde::Serialize;
 
-use super::cells::RenderedCell;
+use super::cells::{ALL, RenderedCell};
 use super::scene::{RenderedTrial, draw};
 
 /// One trial.
@@ -75,7 +75,12 @@ pub struct RenderedSummary {
 
 /// Register the trials of a cell, as many at once as the pool has threads.
 pub fn measure(cell: &RenderedCell, seed: u64, trials: u64) -> Vec<RenderedRow> {
-    (0..trials).into_par_iter().map(|number| row(cell, &draw(cell, seed, number), number)).collect()
+    (0..trials).into_par_iter().map(|number| measure_one(cell, seed, number)).collect()
+}
+
+/// Register one trial of a cell.
+pub fn measure_one(cell: &RenderedCell, seed: u64, number: u64) -> RenderedRow {
+    row(cell, &draw(cell, seed, number), number)
 }
 
 fn row(cell: &RenderedCell, trial: &RenderedTrial, number: u64) -> RenderedRow {
@@ -97,11 +102,11 @@ fn row(cell: &RenderedCell, trial: &RenderedTrial, number: u64) -> RenderedRow {
         seconds: f64::NAN,
     };
     let transfer = cell.exposure.transfer;
-    let Ok(registrar) = Registrar::new(&Registry::default(), "plane-bearing", None, None) else { return lost };
+    let Ok(registrar) = Registrar::new(&Registry::default(), "plane-bearing", free_of(cell), None) else { return lost };
     let Ok(reference) = segment(&trial.reference.light(transfer), &SegmentOptions::default()) else { return lost };
     let Ok(pattern) = Pattern::new(&reference, trial.camera) else { return lost };
     let begun = Instant::now();
-    let options = SegmentOptions { level: pattern.level, find_others: true, ..SegmentOptions::default() };
+    let options = pattern.look(&SegmentOptions::default());
     let Ok(frame) = segment(&trial.frame.light(transfer), &options) else { return lost };
     let Ok(view) = View::new(&frame, trial.camera) else { return lost };
     let Some(found) = registrar.register(&pattern, &view, None, number) else { return lost };
@@ -115,7 +120,7 @@ fn row(cell: &RenderedCell, trial: &RenderedTrial, number: u64) -> RenderedRow {
         verdict: found.verdict.name(),
         angle_deg: angle.to_degrees(),
         position_percent: 100.0 * position,
-        mahalanobis: mahalanobis(&registrar, &found.theta, &trial.truth, &found.covariance),
+        mahalanobis: mahalanobis(&registrar, cell.free, &found.theta, &trial.truth, &found.covariance),
         second_tilt_ratio: found.rivals.first().map(|rival| rival.ratio),
         share: found.quality.share * found.quality.visible,
         one_sided: found.quality.one_sided(),
@@ -125,6 +130,11 @@ fn row(cell: &RenderedCell, trial: &RenderedTrial, number: u64) -> RenderedRow {
         seconds,
         ..lost
     }
+}
+
+/// Return the columns that move, `None` for all.
+fn free_of(cell: &RenderedCell) -> Option<Vec<usize>> {
+    (cell.free.len() < ALL.len()).then(|| cell.free.to_vec())
 }
 
 fn mean_error(h: &[f64; 9], trial: &RenderedTrial) -> f64 {
@@ -147,12 +157,13 @@ fn pose_error(a: &[f64], b: &[f64]) -> (f64, f64) {
 }
 
 /// Return the squared Mahalanobis distance of the truth from an estimate, by the eigenvectors of the covariance.
-fn mahalanobis(registrar: &Registrar, theta: &[f64], truth: &[f64], covariance: &[f64]) -> f64 {
+fn mahalanobis(registrar: &Registrar, free: &[usize], theta: &[f64], truth: &[f64], covariance: &[f64]) -> f64 {
     use cfpose_optim::Manifold;
     let manifold = registrar.model().layout.manifold();
-    let m = manifold.tangent();
-    let mut step = vec![0.0; m];
+    let mut step = vec![0.0; manifold.tangent()];
     manifold.local(theta, truth, &mut step);
+    let step: Vec<f64> = free.iter().map(|column| step[*column]).collect();
+    let m = step.len();
     let Some((values, vectors)) = cfpose_optim::linear::symmetric_eigen(m, covariance) else { return f64::NAN };
     (0..m)
         .map(|k| {

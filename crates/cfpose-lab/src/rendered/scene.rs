@@ -119,11 +119,17 @@ fn pose(rng: &mut ChaCha12Rng, cell: &RenderedCell, outline: &[[f64; 2]]) -> Vec
     loop {
         let direction = rng.random_range(0.0..std::f64::consts::TAU);
         let tilt = rng.random_range(0.0..cell.tilt).to_radians();
-        let turn = rng.random_range(-25.0_f64..25.0).to_radians();
-        let tilted = rotation_exp(&[tilt * direction.cos(), tilt * direction.sin(), 0.0]);
+        let turn = rng.random_range(-cell.turn..cell.turn).to_radians();
+        let moves = |column: usize| cell.free.contains(&column);
+        let tilted = match moves(0) {
+            true => rotation_exp(&[tilt * direction.cos(), tilt * direction.sin(), 0.0]),
+            false => rotation_exp(&[0.0, tilt * direction.sin(), 0.0]),
+        };
+        let turn = if moves(2) { turn } else { 0.0 };
         let rotation = multiply3(&tilted, &rotation_exp(&[0.0, 0.0, turn]));
         let mut across = || rng.random_range(-cell.shift..cell.shift);
         let (x, y) = (across(), across());
+        let y = if moves(4) { y } else { 0.0 };
         let centre = [x, y, 1.0 + rng.random_range(-0.3..0.3)];
         let mut theta = rotation.to_vec();
         theta.extend((0..3).map(|i| centre[i] - rotation[3 * i + 2]));

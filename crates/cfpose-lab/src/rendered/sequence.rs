@@ -10,6 +10,7 @@ use cfpose_vision::registration::{Pattern, Registrar};
 use cfpose_vision::{Camera, Exposure, Patch, Picture, SegmentOptions, Transfer, render, segment};
 use serde::Serialize;
 
+use super::cells::{ALL, LEVEL, ON_WHEELS};
 use super::scene::{CAMERA, SIZE, homography_of, pixel};
 use super::shapes;
 use crate::seed::data_stream;
@@ -30,15 +31,13 @@ pub struct RenderedSequence {
     pub light: bool,
 }
 
-const ALL: &[usize] = &[0, 1, 2, 3, 4, 5];
-
 /// All sequences: those of docs/vision.md.
 pub const SEQUENCES: &[RenderedSequence] = &[
     RenderedSequence { name: "track-6dof", free: ALL, bar: false, light: false },
     RenderedSequence { name: "track-bar", free: ALL, bar: true, light: false },
     RenderedSequence { name: "track-light", free: ALL, bar: false, light: true },
-    RenderedSequence { name: "track-3dof", free: &[1, 3, 5], bar: false, light: false },
-    RenderedSequence { name: "track-4dof", free: &[1, 3, 4, 5], bar: false, light: false },
+    RenderedSequence { name: "track-3dof", free: ON_WHEELS, bar: false, light: false },
+    RenderedSequence { name: "track-4dof", free: LEVEL, bar: false, light: false },
 ];
 
 /// A sequence in numbers.

@@ -49,7 +49,9 @@ impl Schedule {
     /// From far away, or where parts are hidden.
     pub const FAR: Self =
         Self { reaches: &[40.0, 25.0, 15.0, 10.0, 7.0, 5.0, 4.0, 3.0], steps: 3, last: 12, unbent: 3 };
-    /// The same with few places, to see whether it leads anywhere.
+    /// After a first pose by the moments of greys, of which parts are hidden.
+    pub const GREYS: Self = Self { reaches: &[25.0, 18.0, 12.0, 8.0, 5.0, 3.0, 3.0], steps: 3, last: 12, unbent: 3 };
+    /// The same as `FAR` with few places, to see whether it leads anywhere.
     pub const SCREEN: Self = Self { steps: 2, last: 3, unbent: 0, ..Self::FAR };
     /// From another tilt that may fit as well.
     pub const TILT: Self = Self { reaches: &[6.0, 4.0, 3.0, 3.0], steps: 4, last: 12, unbent: 3 };
@@ -84,6 +86,15 @@ pub(super) struct Found {
 }
 
 impl Found {
+    /// Return the median distance of the edges within 1.5 pixels where all may be off alike, else 0.
+    pub(super) fn shift(&self, outlined: &Outlined) -> f64 {
+        if !outlined.printed {
+            return 0.0;
+        }
+        let mut near: Vec<f32> = self.distances.iter().filter(|d| d.abs() < 1.5).map(|d| *d as f32).collect();
+        crate::segment::median(&mut near).map_or(0.0, f64::from)
+    }
+
     /// Move edges along their normals, pixels.
     fn move_by(&mut self, shifts: &[f64], view: &Sight) {
         for (i, shift) in shifts.iter().enumerate().filter(|(_, shift)| **shift != 0.0) {
@@ -232,7 +243,9 @@ fn step(
     focal: f64,
     least: f64,
 ) -> Option<Vec<f64>> {
-    let mut sizes: Vec<f32> = found.distances.iter().filter(|d| !d.is_nan()).map(|d| d.abs() as f32).collect();
+    let shift = found.shift(outlined);
+    let mut sizes: Vec<f32> =
+        found.distances.iter().filter(|d| !d.is_nan()).map(|d| (d - shift).abs() as f32).collect();
     if sizes.len() < FEWEST.max(manifold.tangent() + 2) {
         return None;
     }
@@ -244,7 +257,8 @@ fn step(
         edges: found.edges.clone(),
         normals: found.normals.clone(),
         // The square root of Tukey's (1 - u^2)^2.
-        factors: found.distances.iter().map(|d| weight(*d) * focal).collect(),
+        factors: found.distances.iter().map(|d| weight(d - shift) * focal).collect(),
+        shift: outlined.printed,
     };
     let stopping = Stopping { max_iterations: 1, max_evaluations: 6, ..Stopping::default() };
     let mut control = Control { stopping, ..Control::default() };

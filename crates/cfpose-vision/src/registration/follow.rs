@@ -9,7 +9,7 @@ use super::hunt::accepts;
 use super::pattern::Pattern;
 use super::registrar::{Outlined, Registered, Registrar};
 use super::sight::{ALIKE, Shown, Sight};
-use super::verdict::FrameVerdict;
+use super::verdict::{FrameVerdict, SUPPORT};
 use super::view::View;
 use crate::camera::Camera;
 use crate::options::Foreground;
@@ -17,7 +17,7 @@ use crate::raster::Raster;
 use crate::segment::{SegmentError, SegmentOptions, segment, sparse};
 
 /// Every so many places of the outline find the way.
-const COARSE: usize = 4;
+pub(super) const COARSE: usize = 4;
 
 /// Standard deviation of an edge from which the frame has to be smoothed, pixels: twice what a frame on its own is smoothed from, for the
 /// pose of a frame of a sequence is wanted at once.
@@ -62,7 +62,7 @@ impl Registrar {
         {
             return Ok(found);
         }
-        let options = SegmentOptions { level: pattern.level, find_others: pattern.level.is_some(), ..*look };
+        let options = pattern.look(look);
         let view = View::new(&segment(&light, &options)?, camera)?;
         self.register(pattern, &view, last, seed).ok_or(Missed::NoPose)
     }
@@ -86,8 +86,8 @@ impl Registrar {
         if rivals.first().is_some_and(|rival| rival.ratio < NEAR) {
             return None;
         }
-        let covariance = self.covariance(&outlined, pattern, &sight, &theta, &quality);
-        let verdict = FrameVerdict::of(&quality, true, None);
+        let covariance = self.covariance(&outlined, &sight, &theta, &quality);
+        let verdict = FrameVerdict::of(&quality, true, None, SUPPORT);
         Some(Registered {
             theta,
             quality,
@@ -102,9 +102,6 @@ impl Registrar {
 
     /// Return an outline of few places.
     pub(super) fn coarse(&self, pattern: &Pattern) -> Option<Outlined> {
-        let some = |places: &[[f64; 2]]| places.iter().copied().step_by(COARSE).collect::<Vec<_>>();
-        let outline = &pattern.outline;
-        let levels = outline.levels.iter().copied().step_by(COARSE).collect();
-        self.outlined_of(&some(&outline.places), &some(&outline.ahead), levels).ok()
+        self.outlined_of(&pattern.outline, COARSE).ok()
     }
 }

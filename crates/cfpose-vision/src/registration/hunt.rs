@@ -33,10 +33,10 @@ const UNSHARP: f64 = 0.2;
 
 /// The state of a search for a theta.
 pub(super) struct Hunt<'a> {
-    registrar: &'a Registrar,
-    outlined: &'a Outlined,
-    pattern: &'a Pattern,
-    view: &'a View,
+    pub registrar: &'a Registrar,
+    pub outlined: &'a Outlined,
+    pub pattern: &'a Pattern,
+    pub view: &'a View,
     /// Theta, how well it explains the frame, and what led to it.
     pub best: Option<(Vec<f64>, Quality, &'static str)>,
     /// Starts that were tried.
@@ -50,6 +50,9 @@ pub(super) fn accepts(pattern: &Pattern, view: &Sight, quality: &Quality) -> boo
     let crisp = |more: f64| quality.median < more + unsharp;
     // Edges that may be so far off tell nothing where a part of the contour is missing: a wrong pose had two thirds of it.
     let in_part = |more: f64| unsharp < UNSHARP && crisp(more);
+    if view.field.is_greys() {
+        return accepts_greys(quality, crisp(0.04), in_part(0.02));
+    }
     // Noise of the coverage near the boundary makes regions differ.
     let boundary = pattern.outline.spacing * pattern.outline.places.len() as f64;
     // So does blur, which the mapped reference does not have.
@@ -63,6 +66,13 @@ pub(super) fn accepts(pattern: &Pattern, view: &Sight, quality: &Quality) -> boo
     // Nearly the whole contour, and nothing of the pattern missing, whatever else the frame shows.
     let whole = quality.share * quality.visible > 0.9 && quality.reference_explained > 0.95 && quality.gap < 0.05;
     (whole && crisp(0.06)) || (complete && crisp(0.04)) || ((partly || scattered) && in_part(0.01))
+}
+
+/// Say whether steps between greys are explained: half of them, on all sides and of all kinds, or nearly all where edges are blurred.
+fn accepts_greys(quality: &Quality, crisp: bool, sharp: bool) -> bool {
+    let share = quality.share * quality.visible;
+    let all_kinds = |least: f64| quality.weakest > least && quality.gap < 0.25 && quality.one_sided() > 0.5;
+    (sharp && share > 0.45 && all_kinds(0.25)) || (crisp && share > 0.85 && all_kinds(0.5))
 }
 
 impl<'a> Hunt<'a> {
@@ -178,7 +188,7 @@ impl<'a> Hunt<'a> {
     }
 
     /// Fit a few places of the contour from a theta, and all of them where that is promising; say whether the result is accepted.
-    fn screened(&mut self, coarse: &Outlined, start: &[f64], by: &'static str) -> bool {
+    pub fn screened(&mut self, coarse: &Outlined, start: &[f64], by: &'static str) -> bool {
         let fit = self.registrar.fit_outline(coarse, self.view, start, Schedule::SCREEN);
         let share = fit.as_ref().and_then(|fit| {
             let found = self.registrar.search(coarse, self.view, &fit.theta, 3.0)?;
@@ -195,7 +205,7 @@ impl<'a> Hunt<'a> {
     }
 
     /// Fit the contour from a theta and keep the result if it is better; say whether it is accepted.
-    fn contour(&mut self, start: &[f64], schedule: Schedule, by: &'static str) -> bool {
+    pub fn contour(&mut self, start: &[f64], schedule: Schedule, by: &'static str) -> bool {
         self.starts += 1;
         let fit = self.registrar.fit_outline(self.outlined, self.view, start, schedule);
         let Some(fit) = fit.filter(|fit| self.registrar.is_plausible(self.pattern, &fit.theta)) else { return false };

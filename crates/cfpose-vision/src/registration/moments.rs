@@ -64,7 +64,7 @@ impl Registrar {
         found.into_iter().take(KEPT).map(|(theta, _)| theta).collect()
     }
 
-    fn region_model(&self, visibility: Option<&Arc<Visibility>>) -> Option<Arc<Model>> {
+    pub(super) fn region_model(&self, visibility: Option<&Arc<Visibility>>) -> Option<Arc<Model>> {
         let mut built = self.registry.model(&self.region_model, &BuildContext::default()).ok()?;
         if let Some(visibility) = visibility {
             built.source = Box::new(Seen { map: built.source, visibility: Arc::clone(visibility) });
@@ -98,7 +98,7 @@ impl Registrar {
 }
 
 /// Return the normalisation of the feature space: mean 0, and 1 for twice the root mean square distance from it.
-fn spread_of(points: &Points) -> Transform {
+pub(super) fn spread_of(points: &Points) -> Transform {
     let (mean, covariance) = (points.mean(), points.covariance());
     let scale = 0.5 / (covariance[0][0] + covariance[1][1]).max(1e-300).sqrt();
     Transform::new([mean[0], mean[1], 0.0], [[scale, 0.0, 0.0], [0.0, scale, 0.0], [0.0, 0.0, 1.0]])

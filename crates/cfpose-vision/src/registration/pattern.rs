@@ -3,10 +3,13 @@
 use cfpose::{Points, PointsError};
 
 use super::edges::{self, Levels};
+use super::greys::Greys;
+use super::periods::periods;
 use crate::camera::Camera;
 use crate::contours::contours_of;
+use crate::options::Foreground;
 use crate::raster::Raster;
-use crate::segment::Segmentation;
+use crate::segment::{SegmentOptions, Segmentation};
 
 /// About this many points stand for the outline.
 const OUTLINE: f64 = 360.0;
@@ -44,6 +47,10 @@ pub struct Pattern {
     pub dark: bool,
     /// Sum of the coverage, pixels.
     pub area: f64,
+    /// Its greys where it has several; `None` for one of one grey, and for a design.
+    pub greys: Option<Greys>,
+    /// Shifts on the plane z = 1 under which most of its outline falls on itself.
+    pub periods: Vec<[f64; 2]>,
     /// Places in the middle of blocks of pixels and their coverage, coarse and fine.
     pub points: [Points; 2],
 }
@@ -55,7 +62,17 @@ impl Pattern {
     /// [`PointsError`] where the camera shows nothing at a pixel of the pattern, or no contour is long enough.
     pub fn new(segmentation: &Segmentation, camera: Camera) -> Result<Self, PointsError> {
         let of_image = Self::drawn(segmentation.coverage.clone(), segmentation.noise, camera)?;
-        Ok(Self { level: Some(segmentation.level), dark: segmentation.dark, ..of_image })
+        let greys = Greys::of(segmentation, camera);
+        Ok(Self { level: Some(segmentation.level), dark: segmentation.dark, greys, ..of_image })
+    }
+
+    /// Return how a frame is segmented: beside what the user says, the pattern has the level and the side of the background that it has on
+    /// the reference. Of a design neither is known.
+    pub fn look(&self, given: &SegmentOptions) -> SegmentOptions {
+        let Some(level) = self.level else { return *given };
+        let side = if self.dark { Foreground::Dark } else { Foreground::Bright };
+        let foreground = if given.foreground == Foreground::Auto { side } else { given.foreground };
+        SegmentOptions { level: Some(level), find_others: true, foreground, ..*given }
     }
 
     /// Make a drawn reference ready: the share of a dark pattern in each pixel, and the standard deviation of its noise.
@@ -67,7 +84,8 @@ impl Pattern {
         let outline = outline(&coverage, camera, noise)?;
         let steps = steps(area);
         let points = [weighted(&coverage, camera, steps[0])?, weighted(&coverage, camera, steps[1])?];
-        Ok(Self { coverage, camera, outline, level: None, dark: true, area, points })
+        let periods = periods(&outline, camera.focal());
+        Ok(Self { periods, coverage, camera, outline, level: None, dark: true, area, greys: None, points })
     }
 }
 
@@ -107,7 +125,7 @@ fn outline(coverage: &Raster, camera: Camera, noise: f32) -> Result<Outline, Poi
 }
 
 /// Return places of the plane z = 1.
-fn normalised(camera: Camera, pixels: &[[f64; 2]]) -> Result<Vec<[f64; 2]>, PointsError> {
+pub(super) fn normalised(camera: Camera, pixels: &[[f64; 2]]) -> Result<Vec<[f64; 2]>, PointsError> {
     let points = camera.normalise(&Points::from_rows(pixels)?)?;
     Ok((0..points.len()).map(|k| [points.column(0)[k], points.column(1)[k]]).collect())
 }

@@ -1,6 +1,9 @@
 //! How well a theta explains a frame.
 
 use super::backward::Backward;
+use super::edges::Levels;
+use super::fit::Found;
+use super::greys::Greys;
 use super::pattern::Pattern;
 use super::registrar::{Outlined, Registrar};
 use super::sight::Sight;
@@ -19,7 +22,9 @@ pub struct Quality {
     pub visible: f64,
     /// Longest piece of the contour without such an edge, as a share of the whole.
     pub gap: f64,
-    /// Median distance of these edges, pixels.
+    /// Smallest share of the visible contour with an edge among the steps between one pair of greys; [`Quality::share`] for one grey.
+    pub weakest: f64,
+    /// Median distance of these edges, pixels; of a design beside a shift that all have alike.
     pub median: f64,
     /// Root mean square of the distances of these edges, pixels.
     pub rms: f64,
@@ -39,6 +44,7 @@ impl Quality {
         share: 0.0,
         visible: 0.0,
         gap: 1.0,
+        weakest: 0.0,
         median: f64::INFINITY,
         rms: f64::INFINITY,
         expected: 0.0,
@@ -76,24 +82,52 @@ impl Registrar {
         if inliers.is_empty() {
             return Quality { visible: visible / count, ..Quality::NONE };
         }
-        let mut sizes: Vec<f32> = inliers.iter().map(|i| found.distances[*i].abs() as f32).collect();
+        let shift = found.shift(outlined);
+        let off = |i: &usize| (found.distances[*i] - shift).abs();
+        let mut sizes: Vec<f32> = inliers.iter().map(|i| off(i) as f32).collect();
         let mut slopes: Vec<f32> = inliers.iter().map(|i| found.slopes[*i] as f32).collect();
-        let square = inliers.iter().map(|i| found.distances[*i].powi(2)).sum::<f64>() / inliers.len() as f64;
+        let square = inliers.iter().map(|i| off(i).powi(2)).sum::<f64>() / inliers.len() as f64;
         let slope = f64::from(crate::segment::median(&mut slopes).unwrap_or(1.0)).max(1e-3);
-        let [frame_explained, reference_explained] = self.overlap(pattern, view, theta).unwrap_or([0.0; 2]);
+        let [frame_explained, reference_explained] = match (&pattern.greys, view.field.is_greys()) {
+            (Some(greys), true) => self.agreement(greys, pattern, view, theta).map_or([0.0; 2], |share| [share; 2]),
+            _ => self.overlap(pattern, view, theta).unwrap_or([0.0; 2]),
+        };
+        let mut errors: Vec<f32> = inliers.iter().map(|i| error_of(outlined, view, &found, *i) as f32).collect();
+        let error = f64::from(crate::segment::median(&mut errors).unwrap_or(0.0));
         Quality {
             share: inliers.len() as f64 / visible.max(1.0),
             visible: visible / count,
             gap: longest_gap(&inliers, found.visible.len()),
+            weakest: weakest(&outlined.levels, &found.visible, &inliers),
             median: f64::from(crate::segment::median(&mut sizes).unwrap_or(f32::INFINITY)),
             rms: square.sqrt(),
-            // A sample between pixels, and two of them, have .75 of the noise of one pixel.
-            expected: 0.75 * (view.noise / slope).hypot(pattern.outline.deviation),
+            expected: error.hypot(0.75 * outlined.deviation),
             // The slope of a blurred step is 1 / (sqrt(2 pi) deviation).
             blur: 0.399 / slope,
             frame_explained,
             reference_explained,
         }
+    }
+
+    /// Return the share of the mapped pattern of several greys, as far as it lies in the frame, where the frame has its grey.
+    fn agreement(&self, greys: &Greys, pattern: &Pattern, view: &Sight, theta: &[f64]) -> Option<f64> {
+        const ALIKE: f64 = 0.08;
+        let backward = Backward::new(&(self.homography)(theta), pattern, view)?;
+        let bounds = greys.bounds.map(|b| b as f64);
+        let (mut all, mut alike) = (0usize, 0usize);
+        let stride = view.field.stride();
+        for y in (4..view.field.height().saturating_sub(4)).step_by(stride) {
+            for x in (4..view.field.width().saturating_sub(4)).step_by(stride) {
+                let Some([u, v]) = backward.at([x as f64, y as f64]) else { continue };
+                if !((bounds[0]..=bounds[2]).contains(&u) && (bounds[1]..=bounds[3]).contains(&v)) {
+                    continue;
+                }
+                let Some(grey) = greys.darkness.sample(u, v).filter(|grey| grey.abs() > ALIKE) else { continue };
+                all += 1;
+                alike += usize::from((view.field.at(x, y) - grey).abs() < ALIKE);
+            }
+        }
+        (all > 0).then(|| alike as f64 / all as f64)
     }
 
     /// Return the share of the frame's region that the mapped reference explains, and the other way, where the frame shows anything.
@@ -117,6 +151,32 @@ impl Registrar {
         }
         Some([both / frame.max(1.0), both / reference.max(1.0)])
     }
+}
+
+/// Return the standard deviation of an edge by the frame's noise, pixels.
+pub(super) fn error_of(outlined: &Outlined, view: &Sight, found: &Found, i: usize) -> f64 {
+    let range = f64::from(outlined.levels[i].inside - outlined.levels[i].outside).abs();
+    // A sample between pixels, and two of them, have .75 of the noise of one pixel.
+    0.75 * view.noise / (range * found.slopes[i]).max(1e-3)
+}
+
+/// Return the smallest share of the visible places with an edge among steps of the same greys; steps that are few do not count.
+fn weakest(levels: &[Levels], visible: &[bool], inliers: &[usize]) -> f64 {
+    const FEW: usize = 12;
+    let mut kinds: Vec<(Levels, usize, usize)> = Vec::new();
+    let mut listed = inliers.iter().copied().peekable();
+    for (i, level) in levels.iter().enumerate() {
+        let found = usize::from(listed.next_if_eq(&i).is_some());
+        if !visible[i] {
+            continue;
+        }
+        match kinds.iter_mut().find(|(known, ..)| known == level) {
+            Some((_, all, with)) => (*all, *with) = (*all + 1, *with + found),
+            None => kinds.push((*level, 1, found)),
+        }
+    }
+    let shares = kinds.iter().filter(|(_, all, _)| *all >= FEW).map(|(_, all, with)| *with as f64 / *all as f64);
+    shares.fold(1.0, f64::min)
 }
 
 /// Return the longest run of places that are not listed, around the contour, as a share of all.

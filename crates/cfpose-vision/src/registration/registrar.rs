@@ -5,16 +5,15 @@ use std::sync::Arc;
 use cfpose::family::DynFamily;
 use cfpose::free::Freedom;
 use cfpose::model::{HomographyOf, TargetSide};
-use cfpose::{BuildContext, Model, Points, PointsError, Registry, Scene};
+use cfpose::{BuildContext, Model, PointsError, Registry};
 use cfpose_optim::Manifold;
 
 use super::fit::Schedule;
 use super::hunt::{Hunt, accepts};
-use super::mapper::{Mapper, as_model_takes};
-use super::pattern::Pattern;
+use super::mapper::Mapper;
+use super::pattern::{Outline, Pattern};
 use super::quality::Quality;
-use super::sight::Sight;
-use super::verdict::FrameVerdict;
+use super::verdict::{FrameVerdict, SUPPORT, SUPPORT_OF_GREYS};
 use super::view::View;
 
 /// Families of the stages of [`Registrar::by_moments`]: coarse points for the first two. The damping is exp(-0.15 |k|^2 / 2).
@@ -30,8 +29,8 @@ const NOISY: f64 = 0.08;
 /// Standard deviation of the blur from which the last fit compares with the blurred reference, pixels.
 const BLURRED: f64 = 1.2;
 
-/// Two tilts are two where the tangent step between them is longer than this.
-const SAME: f64 = 0.03;
+/// What is said where a shift fits as well.
+const REPEATED: &str = "the pattern repeats itself, and shifted by one of its periods it fits nearly as well";
 
 /// Why a registrar cannot be made.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -66,6 +65,11 @@ pub(super) struct Outlined {
     pub places: Mapper,
     pub ahead: Mapper,
     pub levels: Vec<super::edges::Levels>,
+    /// Standard deviation of a place by the reference's own noise, and distance between neighbours, pixels of the reference.
+    pub deviation: f64,
+    pub spacing: f64,
+    /// Whether all edges may be off alike: a design, whose print is not known.
+    pub printed: bool,
 }
 
 /// Another theta that was examined.
@@ -178,37 +182,57 @@ impl Registrar {
     }
 
     pub(super) fn outlined(&self, pattern: &Pattern) -> Result<Outlined, PointsError> {
-        let outline = &pattern.outline;
-        self.outlined_of(&outline.places, &outline.ahead, outline.levels.clone())
+        self.outlined_of(&pattern.outline, 1)
     }
 
-    pub(super) fn outlined_of(
-        &self,
-        places: &[[f64; 2]],
-        ahead: &[[f64; 2]],
-        levels: Vec<super::edges::Levels>,
-    ) -> Result<Outlined, PointsError> {
-        Ok(Outlined { places: Mapper::new(&self.model, places)?, ahead: Mapper::new(&self.model, ahead)?, levels })
+    pub(super) fn outlined_of(&self, outline: &Outline, every: usize) -> Result<Outlined, PointsError> {
+        let some = |places: &[[f64; 2]]| places.iter().copied().step_by(every).collect::<Vec<_>>();
+        Ok(Outlined {
+            places: Mapper::new(&self.model, &some(&outline.places))?,
+            ahead: Mapper::new(&self.model, &some(&outline.ahead))?,
+            levels: outline.levels.iter().copied().step_by(every).collect(),
+            deviation: outline.deviation,
+            spacing: outline.spacing * every as f64,
+            printed: false,
+        })
     }
 
     /// Register a frame. `last` is the theta of the frame before, tried first; `seed` draws the disturbed starts.
     pub fn register(&self, pattern: &Pattern, view: &View, last: Option<&[f64]>, seed: u64) -> Option<Registered> {
         let outlined = self.outlined(pattern).ok()?;
+        let by_greys = pattern.greys.as_ref().and_then(|greys| self.register_greys(greys, pattern, view, last, seed));
+        if let Some(found) = by_greys.as_ref().filter(|found| found.verdict.accepted()) {
+            return Some(found.clone());
+        }
         let mut hunt = Hunt::new(self, &outlined, pattern, view);
         hunt.run(last, seed);
+        let found = self.finished(hunt, seed);
+        match (&pattern.greys, found) {
+            (Some(greys), found) => self.of_both(greys, pattern, view, by_greys, found),
+            (None, found) => found,
+        }
+    }
+
+    /// Settle the best theta of a hunt: the other tilt, the last fit, covariance and verdict.
+    pub(super) fn finished(&self, mut hunt: Hunt, seed: u64) -> Option<Registered> {
+        let (outlined, pattern, view) = (hunt.outlined, hunt.pattern, hunt.view);
         let (theta, quality, _) = hunt.best.clone()?;
-        let (theta, mut quality, mut rivals) = self.tilts(&outlined, pattern, view, theta, quality);
-        let (mut settled, mut covariance, mut crisp) = self.settled(&outlined, pattern, view, theta, &quality);
+        let (theta, quality, repeated) = self.among_shifts(outlined, pattern, view, theta, quality);
+        let (theta, mut quality, mut rivals) = self.tilts(outlined, pattern, view, theta, quality);
+        let (mut settled, mut covariance, mut crisp) = self.settled(outlined, pattern, view, theta, &quality);
         if !crisp && hunt.improve(seed) {
             let (nearer, of_nearer, _) = hunt.best.clone()?;
-            let found = self.tilts(&outlined, pattern, view, nearer, of_nearer);
+            let found = self.tilts(outlined, pattern, view, nearer, of_nearer);
             (quality, rivals) = (found.1, found.2);
-            (settled, covariance, crisp) = self.settled(&outlined, pattern, view, found.0, &quality);
+            (settled, covariance, crisp) = self.settled(outlined, pattern, view, found.0, &quality);
         }
         let accepted = accepts(pattern, view, &quality);
         let (theta, starts, by) = (settled, hunt.starts, hunt.best.map_or("", |(_, _, by)| by));
-        let verdict = FrameVerdict::of(&quality, accepted && crisp, rivals.first().map(|rival| rival.ratio));
-        Some(Registered { theta, quality, verdict, covariance, rivals, starts, by, warnings: Vec::new() })
+        let support = if view.field.is_greys() { SUPPORT_OF_GREYS } else { SUPPORT };
+        let ratio = rivals.first().map(|rival| rival.ratio).filter(|_| !repeated).or(repeated.then_some(1.0));
+        let verdict = FrameVerdict::of(&quality, accepted && crisp, ratio, support);
+        let warnings = repeated.then(|| REPEATED.to_string()).into_iter().collect();
+        Some(Registered { theta, quality, verdict, covariance, rivals, starts, by, warnings })
     }
 
     /// Fit once more on a smoothed frame where noise moves edges by more than a tenth of a pixel; return theta, its
@@ -227,13 +251,13 @@ impl Registrar {
             if let Some(fit) = fit.filter(|fit| self.is_plausible(pattern, &fit.theta)) {
                 let quality = self.quality_of(outlined, pattern, &smoothed, &fit.theta);
                 let fit = self.unblurred(outlined, pattern, &smoothed, fit.theta, &quality);
-                let covariance = self.covariance(outlined, pattern, &smoothed, &fit, &quality);
+                let covariance = self.covariance(outlined, &smoothed, &fit, &quality);
                 let most = 0.04 + 0.01 * quality.blur.powi(2) + 0.9 * quality.expected;
                 return (fit, covariance, quality.median < most);
             }
         }
         let theta = self.unblurred(outlined, pattern, view, theta, quality);
-        let covariance = self.covariance(outlined, pattern, view, &theta, quality);
+        let covariance = self.covariance(outlined, view, &theta, quality);
         (theta, covariance, true)
     }
 
@@ -246,67 +270,11 @@ impl Registrar {
         theta: Vec<f64>,
         quality: &Quality,
     ) -> Vec<f64> {
-        if quality.blur < BLURRED {
+        if quality.blur < BLURRED || view.field.is_greys() {
             return theta;
         }
         let fit = self.fit_blurred(outlined, pattern, view, &theta, quality.blur);
         fit.map(|fit| fit.theta).filter(|fit| self.is_plausible(pattern, fit)).unwrap_or(theta)
-    }
-
-    /// Fit the other thetas that the model implies; the best of all comes first.
-    fn tilts(
-        &self,
-        outlined: &Outlined,
-        pattern: &Pattern,
-        view: &View,
-        theta: Vec<f64>,
-        quality: Quality,
-    ) -> (Vec<f64>, Quality, Vec<Rival>) {
-        let mut rivals = self.rivals(outlined, pattern, view, &view.points[0], &theta, Schedule::TILT);
-        if rivals.first().is_none_or(|rival| rival.ratio >= 1.0) {
-            return (theta, quality, rivals);
-        }
-        let better = rivals.remove(0);
-        rivals.push(Rival { theta, ratio: 1.0 });
-        rivals.iter_mut().for_each(|rival| rival.ratio /= better.ratio.max(1e-9));
-        rivals.sort_by(|a, b| a.ratio.total_cmp(&b.ratio));
-        let quality = self.quality_of(outlined, pattern, view, &better.theta);
-        (better.theta, quality, rivals)
-    }
-
-    /// Fit the other thetas that the model implies of one; nearest in residual first.
-    pub(super) fn rivals(
-        &self,
-        outlined: &Outlined,
-        pattern: &Pattern,
-        sight: &Sight,
-        target: &Points,
-        theta: &[f64],
-        schedule: Schedule,
-    ) -> Vec<Rival> {
-        let takes = |points| as_model_takes(&self.model, points).ok();
-        let (Some(source), Some(target)) = (takes(&pattern.points[0]), takes(target)) else { return Vec::new() };
-        let findings = (self.model.examine)(&Scene { theta, source: &source, target: &target });
-        let manifold = self.manifold_at(theta);
-        let distance = |a: &[f64], b: &[f64]| {
-            let mut step = vec![0.0; manifold.tangent()];
-            manifold.local(a, b, &mut step);
-            step.iter().map(|v| v * v).sum::<f64>().sqrt()
-        };
-        let own = self.distance_of(outlined, sight, theta, theta).max(1e-9);
-        let mut found: Vec<Rival> = Vec::new();
-        for candidate in &findings.candidates {
-            let candidate = self.held_at_start(candidate, theta);
-            let Some(fit) = self.fit_outline(outlined, sight, &candidate, schedule) else { continue };
-            let known = std::iter::once(theta).chain(found.iter().map(|rival| rival.theta.as_slice()));
-            let apart = known.into_iter().all(|other| distance(&fit.theta, other) > SAME);
-            if apart && self.is_plausible(pattern, &fit.theta) {
-                let ratio = self.distance_of(outlined, sight, &fit.theta, theta) / own;
-                found.push(Rival { theta: fit.theta, ratio });
-            }
-        }
-        found.sort_by(|a, b| a.ratio.total_cmp(&b.ratio));
-        found
     }
 
     /// Return a theta whose fixed parameters are those of another.
@@ -315,23 +283,6 @@ impl Registrar {
             Some(free) => Freedom::new(&self.model.layout, free, base).hold(theta),
             None => theta.to_vec(),
         }
-    }
-
-    /// Return the root mean square distance of the edges at a theta over the places that have one at another theta; at most 4 pixels each.
-    fn distance_of(&self, outlined: &Outlined, view: &Sight, theta: &[f64], inliers_at: &[f64]) -> f64 {
-        const MOST: f64 = 4.0;
-        let (Some(there), Some(here)) =
-            (self.search(outlined, view, inliers_at, 3.0), self.search(outlined, view, theta, MOST))
-        else {
-            return f64::INFINITY;
-        };
-        let (mut sum, mut count) = (0.0_f64, 0.0);
-        for (_, b) in there.distances.iter().zip(&here.distances).filter(|(a, _)| a.abs() < 1.5) {
-            let distance = if b.is_nan() { MOST } else { b.clamp(-MOST, MOST) };
-            sum += distance * distance;
-            count += 1.0;
-        }
-        if count > 0.0 { (sum / count).sqrt() } else { f64::INFINITY }
     }
 
     /// Say whether a theta shows the pattern from its front, whole before the camera and at a reasonable size.

@@ -12,15 +12,22 @@ use crate::segment::sparse::Sparse;
 pub enum Shown {
     /// Of all pixels, NaN where something else hides the pattern.
     All(Raster),
+    /// Darkness of all pixels: the missing share of the background's light.
+    Greys(Raster),
     /// Light, and what it is divided by where it is asked for.
     Asked(Arc<Raster>, Sparse),
 }
 
 impl Shown {
+    /// Say whether it holds several greys, not the coverage by one.
+    pub fn is_greys(&self) -> bool {
+        matches!(self, Self::Greys(_))
+    }
+
     /// Return the number of columns.
     pub fn width(&self) -> usize {
         match self {
-            Self::All(raster) => raster.width(),
+            Self::All(raster) | Self::Greys(raster) => raster.width(),
             Self::Asked(light, _) => light.width(),
         }
     }
@@ -28,7 +35,7 @@ impl Shown {
     /// Return the number of rows.
     pub fn height(&self) -> usize {
         match self {
-            Self::All(raster) => raster.height(),
+            Self::All(raster) | Self::Greys(raster) => raster.height(),
             Self::Asked(light, _) => light.height(),
         }
     }
@@ -36,7 +43,7 @@ impl Shown {
     /// Return the distance between the pixels at which regions are compared.
     pub(super) fn stride(&self) -> usize {
         match self {
-            Self::All(_) => 2,
+            Self::All(_) | Self::Greys(_) => 2,
             Self::Asked(light, _) => ((light.width() * light.height()) as f64 / 5000.0).sqrt().ceil().max(2.0) as usize,
         }
     }
@@ -44,7 +51,7 @@ impl Shown {
     /// Return the coverage of a pixel from 0 to 1, exactly 0 and 1 where noise may be all that differs from it.
     pub(super) fn at(&self, x: usize, y: usize) -> f64 {
         match self {
-            Self::All(raster) => f64::from(raster.at(x, y)),
+            Self::All(raster) | Self::Greys(raster) => f64::from(raster.at(x, y)),
             Self::Asked(light, sparse) => {
                 let value = sparse.coverage(light, x as f64, y as f64).unwrap_or(0.0);
                 let noise = (4.0 * f64::from(sparse.noise)).min(0.4);
@@ -64,7 +71,7 @@ impl Field for Shown {
     #[inline]
     fn sample(&self, x: f64, y: f64) -> Option<f64> {
         match self {
-            Self::All(raster) => raster.sample(x, y),
+            Self::All(raster) | Self::Greys(raster) => raster.sample(x, y),
             Self::Asked(light, sparse) => sparse.coverage(light, x, y),
         }
     }

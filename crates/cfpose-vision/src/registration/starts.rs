@@ -74,6 +74,37 @@ impl<'a> Disturbed<'a> {
         self.registrar.held_at_start(&turned, theta)
     }
 
+    /// Return a theta of the pattern shifted in its plane; `None` for models that have no such one.
+    pub fn shifted(&self, theta: &[f64], shift: [f64; 2]) -> Option<Vec<f64>> {
+        let layout = &self.registrar.model().layout;
+        let moved = match theta.len() {
+            12 if layout.range("rotation") == Some(0..9) && layout.range("translation") == Some(9..12) => {
+                let mut out = theta.to_vec();
+                (0..3).for_each(|i| out[9 + i] += theta[3 * i] * shift[0] + theta[3 * i + 1] * shift[1]);
+                out
+            }
+            9 => self.homography_by(theta, [1.0, 0.0, 0.0, 1.0], shift),
+            6 => {
+                let mut out = theta.to_vec();
+                (0..2).for_each(|i| out[4 + i] += theta[2 * i] * shift[0] + theta[2 * i + 1] * shift[1]);
+                out
+            }
+            _ => return None,
+        };
+        Some(self.registrar.held_at_start(&moved, theta))
+    }
+
+    /// Return thetas tilted to four sides about the pattern's centre; none for models without a rotation.
+    pub fn tilted(&self, theta: &[f64]) -> Vec<Vec<f64>> {
+        const SIDES: [[f64; 2]; 4] = [[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]];
+        let layout = &self.registrar.model().layout;
+        if layout.range("rotation") != Some(0..9) || layout.range("translation") != Some(9..12) {
+            return Vec::new();
+        }
+        let tilted = SIDES.map(|[x, y]| self.pose(theta, &[x, y, 0.0, 0.0, 0.0, 0.0], 0.5));
+        tilted.iter().map(|tilted| self.registrar.held_at_start(tilted, theta)).collect()
+    }
+
     /// Move and scale a theta so that the pattern's centre and area are those of the frame's region; fixed parameters stay.
     pub fn centred(&self, theta: &[f64], view: &super::view::View) -> Vec<f64> {
         let target = view.points[0].mean();

@@ -4,9 +4,8 @@ use cfpose_optim::LeastSquares;
 use cfpose_optim::covariance::covariance;
 
 use super::bend::STEEPEST;
-use super::pattern::Pattern;
 use super::problem::EdgeProblem;
-use super::quality::Quality;
+use super::quality::{Quality, error_of};
 use super::registrar::{Outlined, Registrar};
 use super::sight::Sight;
 
@@ -14,7 +13,10 @@ use super::sight::Sight;
 const APART: f64 = 2.0;
 
 /// Least share of the whole contour with an edge, for `good`.
-const SUPPORT: f64 = 0.6;
+pub(super) const SUPPORT: f64 = 0.6;
+
+/// The same of steps between greys: their greys on both sides are looked at.
+pub(super) const SUPPORT_OF_GREYS: f64 = 0.45;
 
 /// Pixels by which an edge is wrong whatever the noise: the grid, 8 bits, the search.
 const FLOOR: f64 = 0.02;
@@ -58,15 +60,20 @@ impl FrameVerdict {
         self != Self::Lost
     }
 
-    /// Decide. `rival` is the ratio of the second best residual to the best.
-    pub(super) fn of(quality: &Quality, accepted: bool, rival: Option<f64>) -> Self {
+    /// Say whether a theta explains the frame, alone or beside another one.
+    pub fn accepted(self) -> bool {
+        matches!(self, Self::Good | Self::Ambiguous)
+    }
+
+    /// Decide. `rival` is the ratio of the second best residual to the best, `support` the least share of the whole contour.
+    pub(super) fn of(quality: &Quality, accepted: bool, rival: Option<f64>, support: f64) -> Self {
         if quality.share < 0.2 {
             Self::Lost
         } else if !accepted {
             Self::Suspect
         } else if rival.is_some_and(|ratio| ratio < APART) {
             Self::Ambiguous
-        } else if quality.share * quality.visible < SUPPORT {
+        } else if quality.share * quality.visible < support {
             Self::Suspect
         } else {
             Self::Good
@@ -77,30 +84,38 @@ impl FrameVerdict {
 impl Registrar {
     /// Return the covariance of the tangent step, from the noise of both images: every edge is off by noise / slope, neighbours within
     /// 2 pixels alike. Fixed parameters have no column.
-    pub(super) fn covariance(
-        &self,
-        outlined: &Outlined,
-        pattern: &Pattern,
-        view: &Sight,
-        theta: &[f64],
-        quality: &Quality,
-    ) -> Vec<f64> {
+    pub(super) fn covariance(&self, outlined: &Outlined, view: &Sight, theta: &[f64], quality: &Quality) -> Vec<f64> {
         let manifold = self.manifold_at(theta);
         let m = manifold.tangent();
         let none = || vec![f64::NAN; m * m];
         let Some(found) = self.search(outlined, view, theta, 3.0) else { return none() };
         let focal = view.camera.focal();
         let factors: Vec<f64> = found.distances.iter().map(|d| if d.abs() < 1.5 { focal } else { 0.0 }).collect();
-        let rows = factors.len();
-        let problem =
-            EdgeProblem { mapper: &outlined.places, manifold, edges: found.edges, normals: found.normals, factors };
+        let (rows, shift) = (factors.len(), outlined.printed);
+        let random = match view.field.is_greys() {
+            false => quality.expected,
+            // Small steps are less sure than large ones.
+            true => {
+                let with: Vec<usize> = (0..rows).filter(|i| factors[*i] > 0.0).collect();
+                let square = with.iter().map(|i| error_of(outlined, view, &found, *i).powi(2)).sum::<f64>();
+                (square / with.len().max(1) as f64).sqrt().hypot(0.75 * outlined.deviation)
+            }
+        };
+        let problem = EdgeProblem {
+            mapper: &outlined.places,
+            manifold,
+            edges: found.edges,
+            normals: found.normals,
+            factors,
+            shift,
+        };
         let (mut residual, mut jacobian) = (vec![0.0; rows], vec![0.0; rows * m]);
         problem.jacobian(theta, &mut residual, &mut jacobian);
         if jacobian.iter().any(|v| !v.is_finite()) {
             return none();
         }
-        let [noise, blur] = [view.alike, ALIKE].map(|pixels| (pixels / pattern.outline.spacing).max(1.0));
-        let random = quality.expected.powi(2) * noise + FLOOR.powi(2);
+        let [noise, blur] = [view.alike, ALIKE].map(|pixels| (pixels / outlined.spacing).max(1.0));
+        let random = random.powi(2) * noise + FLOOR.powi(2);
         let level = LEVEL * view.pixel_noise.powi(2) * quality.blur / STEEPEST;
         let variance = random + ((BENT * quality.blur.powi(2)).powi(2) + level.powi(2) + view.shift.powi(2)) * blur;
         covariance(rows, m, &jacobian, variance, 1e-10).map_or_else(none, |c| c.matrix)

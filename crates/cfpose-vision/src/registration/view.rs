@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use cfpose::{Points, PointsError};
 
+use super::greys;
 use super::pattern::{steps, weighted};
 use super::seen::Visibility;
 use super::sight::{ALIKE, Shown, Sight};
@@ -17,6 +18,8 @@ pub struct View {
     sight: Sight,
     /// Coverage that is not cut off at 0 and 1.
     unbounded: Raster,
+    /// Missing share of the background's light, and its noise.
+    darkness: (Raster, f64),
     /// Sum of the coverage, pixels.
     pub area: f64,
     /// Points, coarse and fine, as [`super::Pattern::points`].
@@ -68,7 +71,8 @@ impl View {
         let shift = if segmentation.overexposed { OVEREXPOSED } else { 0.0 };
         let noise = f64::from(segmentation.noise);
         let sight = Sight { field: Shown::All(field), alike: ALIKE, shift, camera, noise, pixel_noise: noise };
-        Ok(Self { sight, unbounded, area, points, partly, hidden: hidden.is_some() })
+        let darkness = (greys::darkness(segmentation), f64::from(greys::noise(segmentation)));
+        Ok(Self { sight, unbounded, darkness, area, points, partly, hidden: hidden.is_some() })
     }
 }
 
@@ -80,8 +84,26 @@ impl View {
         let kept = 0.282 / deviation;
         let field = self.unbounded.gaussian(deviation);
         let (noise, alike) = (self.noise * kept.min(1.0), (3.54 * deviation).max(self.alike));
-        let sight = Sight { field: Shown::All(field.clone()), noise, alike, ..self.sight.clone() };
+        let shown = if self.field.is_greys() { Shown::Greys(field.clone()) } else { Shown::All(field.clone()) };
+        let sight = Sight { field: shown, noise, alike, ..self.sight.clone() };
         Self { sight, unbounded: field, ..self.clone() }
+    }
+
+    /// Return the frame as the steps between greys see it: nothing is taken for an occluder.
+    #[must_use]
+    pub(super) fn of_greys(&self) -> Self {
+        let (field, noise) = &self.darkness;
+        // Noise that would reach the tolerance beside an edge is smoothed.
+        let smooth = *noise > NOISY;
+        let field = if smooth { field.smoothed() } else { field.clone() };
+        let (noise, alike) = if smooth { (0.28 * noise, 3.5) } else { (*noise, ALIKE) };
+        let sight = Sight { field: Shown::Greys(field.clone()), noise, alike, ..self.sight.clone() };
+        Self { sight, unbounded: field, partly: None, hidden: false, ..self.clone() }
+    }
+
+    /// Return the missing share of the background's light, and its noise.
+    pub(super) fn darkness(&self) -> &(Raster, f64) {
+        &self.darkness
     }
 
     /// Return the field of profiles across the contour: not cut off at 0 and 1.
@@ -89,6 +111,9 @@ impl View {
         &self.unbounded
     }
 }
+
+/// Noise of the darkness from which greys are smoothed before their steps are searched.
+const NOISY: f64 = 0.02;
 
 /// Shift of the edges of an over-exposed frame, pixels.
 const OVEREXPOSED: f64 = 0.05;

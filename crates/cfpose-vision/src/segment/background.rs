@@ -131,9 +131,13 @@ fn rounds(samples: &[(f64, f64, f64)], begin: Surface) -> Option<Surface> {
 /// Distance from the pattern within which blur may darken the background, pixels.
 const DARKENED: usize = 10;
 
-/// Fit the background's pixels that are away from the pattern, as a correction of a reflectance. Both rasters are smoothed: a choice of
+/// Rounds in which what stands out is left out, and by how many standard deviations.
+const TRIMS: usize = 3;
+const STANDS_OUT: f64 = 3.5;
+
+/// Fit the background's pixels that are away from the pattern, and not cut off at the top, as a correction of a reflectance that is smoothed: a choice of
 /// pixels by their own noise would shift the mean of those that are chosen.
-pub fn refit(reflectance: &Raster, light: &Raster, mask: &Mask, clipped: f32) -> Option<Surface> {
+pub fn refit(reflectance: &Raster, bright: &[bool], mask: &Mask) -> Option<Surface> {
     let counts = counts(mask, DARKENED);
     let mut samples = Vec::new();
     let (w, h) = (reflectance.width(), reflectance.height());
@@ -141,7 +145,7 @@ pub fn refit(reflectance: &Raster, light: &Raster, mask: &Mask, clipped: f32) ->
     for y in (0..h).step_by(step) {
         for x in (0..w).step_by(step) {
             let value = f64::from(reflectance.at(x, y));
-            let dim = light.at(x, y) < 0.94 * clipped;
+            let dim = !bright[y * w + x];
             if dim && counts[y * w + x].0 == 0 && (0.85..1.2).contains(&value) {
                 samples.push((place(x as f64, w), place(y as f64, h), value));
             }
@@ -150,7 +154,18 @@ pub fn refit(reflectance: &Raster, light: &Raster, mask: &Mask, clipped: f32) ->
     if samples.len() < 50 {
         return None;
     }
-    let fitted = fit(&samples, &vec![1.0; samples.len()])?;
+    let mut fitted = fit(&samples, &vec![1.0; samples.len()])?;
+    // A light part of the pattern, or of what hides it, stands out from the background by more than its noise.
+    for _ in 0..TRIMS {
+        let off = |(x, y, value): &(f64, f64, f64)| (value - fitted.at(*x, *y)).abs();
+        let mut sizes: Vec<f32> = samples.iter().map(|sample| off(sample) as f32).collect();
+        let limit = (STANDS_OUT * 1.4826 * f64::from(super::median(&mut sizes)?)).max(0.01);
+        let kept: Vec<_> = samples.iter().copied().filter(|sample| off(sample) < limit).collect();
+        if kept.len() < 50 {
+            break;
+        }
+        fitted = fit(&kept, &vec![1.0; kept.len()])?;
+    }
     let even = fitted.on_grid().iter().all(|value| (0.7..1.4).contains(value));
     even.then_some(fitted)
 }
