@@ -139,6 +139,58 @@ fn overlap_cuts_the_target_by_a_plane() {
 }
 
 #[test]
+fn opposite_ends_of_both_sides_are_cut_so_that_a_share_is_common() {
+    let trial = trial("cloud3[points=600,overlap=0.5,cut=both]", 7);
+    assert_eq!((trial.source.len(), trial.target.len()), (400, 400));
+    let (source, target) = (rows(&trial.source), back(&trial));
+    let common = target.iter().filter(|q| nearest(q, &source) < 1e-9).count();
+    assert_eq!(common, 200);
+}
+
+#[test]
+fn intruders_stand_beside_the_shape_and_noise_is_on_both_sides() {
+    for (intruder, reach) in [("blob", 2.2), ("object", 3.0), ("ground", 4.0), ("copy", 4.0)] {
+        let trial = trial(&format!("cloud3[points=500,intruder={intruder},intruder_share=0.3]"), 8);
+        let source = rows(&trial.source);
+        let others: Vec<[f64; 3]> = back(&trial).into_iter().filter(|q| nearest(q, &source) > 1e-9).collect();
+        assert_eq!((trial.target.len(), others.len()), (650, 150), "{intruder}");
+        let far = others.iter().map(|q| q.iter().map(|x| x * x).sum::<f64>().sqrt()).fold(0.0, f64::max);
+        assert!((0.8..reach).contains(&far), "{intruder}: {far}");
+    }
+    let clean = trial("cloud3[points=500,noise=0.02]", 9);
+    let noisy = trial("cloud3[points=500,noise=0.02,noise_on=both]", 9);
+    assert_eq!(rows(&clean.target), rows(&noisy.target));
+    let square: f64 = rows(&clean.source)
+        .iter()
+        .flatten()
+        .zip(rows(&noisy.source).iter().flatten())
+        .map(|(a, b)| (a - b).powi(2))
+        .sum();
+    assert!((square / 1500.0).sqrt() / 0.02 > 0.9 && (square / 1500.0).sqrt() / 0.02 < 1.1);
+}
+
+#[test]
+fn a_start_may_be_off_by_a_distance_too() {
+    let trial = trial("cloud3[points=50,start=3,start_offset=0.02]", 1);
+    let start = trial.start.clone().unwrap();
+    let off = (9..12).map(|d| (start[d] - trial.truth[d]).powi(2)).sum::<f64>().sqrt();
+    assert!((off - 0.02).abs() < 1e-12, "{off}");
+}
+
+#[test]
+fn arcs_are_hidden_and_second_curves_added() {
+    let whole = trial("planar-curve[order=shuffled]", 4);
+    let (n, m) = (whole.source.len(), whole.target.len());
+    let share = |points: usize, of: f64| (points as f64 * of).round() as usize;
+    let hidden = trial("planar-curve[order=shuffled,hidden=0.2,hidden_source=0.1]", 4);
+    assert_eq!((hidden.source.len(), hidden.target.len()), (n - share(n, 0.1), m - share(m, 0.2)));
+    let second = trial("planar-curve[order=shuffled,second_curve=0.2,source_noise=0.01]", 4);
+    assert_eq!((second.source.len(), second.target.len()), (n, m + share(n, 0.2)));
+    let known = sorted(&whole.source);
+    assert!(rows(&second.source).iter().all(|p| !known.contains(p)));
+}
+
+#[test]
 fn clutter_is_added_in_the_enlarged_box() {
     let trial = trial("cloud3[points=400,clutter=0.3]", 13);
     assert_eq!((trial.source.len(), trial.target.len()), (400, 520));

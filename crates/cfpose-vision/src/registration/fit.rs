@@ -86,15 +86,6 @@ pub(super) struct Found {
 }
 
 impl Found {
-    /// Return the median distance of the edges within 1.5 pixels where all may be off alike, else 0.
-    pub(super) fn shift(&self, outlined: &Outlined) -> f64 {
-        if !outlined.printed {
-            return 0.0;
-        }
-        let mut near: Vec<f32> = self.distances.iter().filter(|d| d.abs() < 1.5).map(|d| *d as f32).collect();
-        crate::segment::median(&mut near).map_or(0.0, f64::from)
-    }
-
     /// Move edges along their normals, pixels.
     fn move_by(&mut self, shifts: &[f64], view: &Sight) {
         for (i, shift) in shifts.iter().enumerate().filter(|(_, shift)| **shift != 0.0) {
@@ -243,9 +234,7 @@ fn step(
     focal: f64,
     least: f64,
 ) -> Option<Vec<f64>> {
-    let shift = found.shift(outlined);
-    let mut sizes: Vec<f32> =
-        found.distances.iter().filter(|d| !d.is_nan()).map(|d| (d - shift).abs() as f32).collect();
+    let mut sizes: Vec<f32> = found.distances.iter().filter(|d| !d.is_nan()).map(|d| d.abs() as f32).collect();
     if sizes.len() < FEWEST.max(manifold.tangent() + 2) {
         return None;
     }
@@ -257,8 +246,7 @@ fn step(
         edges: found.edges.clone(),
         normals: found.normals.clone(),
         // The square root of Tukey's (1 - u^2)^2.
-        factors: found.distances.iter().map(|d| weight(d - shift) * focal).collect(),
-        shift: outlined.printed,
+        factors: found.distances.iter().map(|d| weight(*d) * focal).collect(),
     };
     let stopping = Stopping { max_iterations: 1, max_evaluations: 6, ..Stopping::default() };
     let mut control = Control { stopping, ..Control::default() };

@@ -87,7 +87,7 @@ impl Registrar {
             return None;
         }
         let covariance = self.covariance(&outlined, &sight, &theta, &quality);
-        let verdict = FrameVerdict::of(&quality, true, None, SUPPORT);
+        let (verdict, why) = FrameVerdict::of(&quality, true, None, SUPPORT);
         Some(Registered {
             theta,
             quality,
@@ -96,7 +96,7 @@ impl Registrar {
             rivals,
             starts: 1,
             by: "followed",
-            warnings: Vec::new(),
+            warnings: why.into_iter().collect(),
         })
     }
 

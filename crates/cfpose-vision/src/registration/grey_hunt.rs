@@ -95,6 +95,10 @@ impl Registrar {
         if plain.verdict.accepted() {
             if share < CONTRADICTED {
                 plain.verdict = FrameVerdict::Suspect;
+                plain.warnings = vec![format!(
+                    "the greys contradict it: {:.0} % of the steps between them are in the frame",
+                    100.0 * share
+                )];
             }
             return Some(plain);
         }

@@ -17,31 +17,9 @@ pub(super) struct EdgeProblem<'a> {
     pub normals: Vec<[f64; 2]>,
     /// Square roots of the weights times the focal length; 0 where there is no edge.
     pub factors: Vec<f64>,
-    /// Whether a shift of all edges alike is an unknown too.
-    pub shift: bool,
 }
 
-/// Weight of the square of the common shift beside that of one edge: where theta explains it as well, theta does.
-const HELD: f64 = 1.0;
-
 impl EdgeProblem<'_> {
-    /// Eliminate the common shift s from columns of rows: with c the factors, the least of |r - c s|^2 + HELD s^2 over s is |r - b c (c . r)|^2,
-    /// b = (1 - sqrt(1 - c . c / (c . c + HELD))) / (c . c). The same for each column of the Jacobian.
-    fn without_shift(&self, rows: &mut [f64], width: usize) {
-        // In units of an edge: factors hold the focal length.
-        let most = self.factors.iter().fold(0.0_f64, |a, b| a.max(*b));
-        if !self.shift || most == 0.0 {
-            return;
-        }
-        let square = self.factors.iter().map(|c| (c / most).powi(2)).sum::<f64>();
-        let b = (1.0 - (1.0 - square / (square + HELD)).sqrt()) / square;
-        for j in 0..width {
-            let along = self.factors.iter().enumerate().filter(|(_, c)| **c > 0.0);
-            let sum: f64 = along.clone().map(|(i, c)| c / most * rows[i * width + j]).sum();
-            along.for_each(|(i, c)| rows[i * width + j] -= b * sum * c / most);
-        }
-    }
-
     fn write(&self, mapped: &super::mapper::Mapped, residual: &mut [f64]) {
         for (i, r) in residual.iter_mut().enumerate() {
             let (x, e, n) = (mapped.x[i], self.edges[i], self.normals[i]);
@@ -65,7 +43,6 @@ impl LeastSquares for EdgeProblem<'_> {
 
     fn residual(&self, theta: &[f64], residual: &mut [f64]) {
         self.write(&self.mapper.at(theta, None), residual);
-        self.without_shift(residual, 1);
     }
 
     fn jacobian(&self, theta: &[f64], residual: &mut [f64], jacobian: &mut [f64]) {
@@ -77,7 +54,5 @@ impl LeastSquares for EdgeProblem<'_> {
             let n = self.normals[i].map(|v| v * self.factors[i]);
             row.iter_mut().enumerate().for_each(|(j, d)| *d = n[0] * dx[j] + n[1] * dx[m + j]);
         }
-        self.without_shift(residual, 1);
-        self.without_shift(jacobian, m);
     }
 }

@@ -24,7 +24,7 @@ pub struct Quality {
     pub gap: f64,
     /// Smallest share of the visible contour with an edge among the steps between one pair of greys; [`Quality::share`] for one grey.
     pub weakest: f64,
-    /// Median distance of these edges, pixels; of a design beside a shift that all have alike.
+    /// Median distance of these edges, pixels.
     pub median: f64,
     /// Root mean square of the distances of these edges, pixels.
     pub rms: f64,
@@ -82,8 +82,7 @@ impl Registrar {
         if inliers.is_empty() {
             return Quality { visible: visible / count, ..Quality::NONE };
         }
-        let shift = found.shift(outlined);
-        let off = |i: &usize| (found.distances[*i] - shift).abs();
+        let off = |i: &usize| found.distances[*i].abs();
         let mut sizes: Vec<f32> = inliers.iter().map(|i| off(i) as f32).collect();
         let mut slopes: Vec<f32> = inliers.iter().map(|i| found.slopes[*i] as f32).collect();
         let square = inliers.iter().map(|i| off(i).powi(2)).sum::<f64>() / inliers.len() as f64;

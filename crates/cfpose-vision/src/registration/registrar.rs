@@ -68,8 +68,6 @@ pub(super) struct Outlined {
     /// Standard deviation of a place by the reference's own noise, and distance between neighbours, pixels of the reference.
     pub deviation: f64,
     pub spacing: f64,
-    /// Whether all edges may be off alike: a design, whose print is not known.
-    pub printed: bool,
 }
 
 /// Another theta that was examined.
@@ -193,7 +191,6 @@ impl Registrar {
             levels: outline.levels.iter().copied().step_by(every).collect(),
             deviation: outline.deviation,
             spacing: outline.spacing * every as f64,
-            printed: false,
         })
     }
 
@@ -229,9 +226,11 @@ impl Registrar {
         let accepted = accepts(pattern, view, &quality);
         let (theta, starts, by) = (settled, hunt.starts, hunt.best.map_or("", |(_, _, by)| by));
         let support = if view.field.is_greys() { SUPPORT_OF_GREYS } else { SUPPORT };
-        let ratio = rivals.first().map(|rival| rival.ratio).filter(|_| !repeated).or(repeated.then_some(1.0));
-        let verdict = FrameVerdict::of(&quality, accepted && crisp, ratio, support);
-        let warnings = repeated.then(|| REPEATED.to_string()).into_iter().collect();
+        let ratio = if repeated { Some(1.0) } else { rivals.first().map(|rival| rival.ratio) };
+        let (verdict, why) = FrameVerdict::of(&quality, accepted && crisp, ratio, support);
+        // Of a pattern that repeats itself the ratio says nothing more.
+        let why = why.filter(|_| !(repeated && verdict == FrameVerdict::Ambiguous));
+        let warnings = repeated.then(|| REPEATED.to_string()).into_iter().chain(why).collect();
         Some(Registered { theta, quality, verdict, covariance, rivals, starts, by, warnings })
     }
 

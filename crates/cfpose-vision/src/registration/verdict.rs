@@ -12,6 +12,9 @@ use super::sight::Sight;
 /// Two thetas whose residuals differ by less than this factor are not told apart.
 const APART: f64 = 2.0;
 
+/// Share of the visible contour with an edge below which nothing was found.
+const LOST: f64 = 0.2;
+
 /// Least share of the whole contour with an edge, for `good`.
 pub(super) const SUPPORT: f64 = 0.6;
 
@@ -65,18 +68,31 @@ impl FrameVerdict {
         matches!(self, Self::Good | Self::Ambiguous)
     }
 
-    /// Decide. `rival` is the ratio of the second best residual to the best, `support` the least share of the whole contour.
-    pub(super) fn of(quality: &Quality, accepted: bool, rival: Option<f64>, support: f64) -> Self {
-        if quality.share < 0.2 {
-            Self::Lost
-        } else if !accepted {
-            Self::Suspect
-        } else if rival.is_some_and(|ratio| ratio < APART) {
-            Self::Ambiguous
-        } else if quality.share * quality.visible < support {
-            Self::Suspect
-        } else {
-            Self::Good
+    /// Decide, and say why where it is not `Good`. `rival` is the ratio of the second best residual to the best, `support` the least share
+    /// of the whole contour.
+    pub(super) fn of(quality: &Quality, accepted: bool, rival: Option<f64>, support: f64) -> (Self, Option<String>) {
+        let seen = quality.share * quality.visible;
+        let edges = format!("{:.0} % of the visible contour has an edge in the frame", 100.0 * quality.share);
+        match rival.filter(|ratio| *ratio < APART) {
+            _ if quality.share < LOST => (Self::Lost, Some(format!("no pattern: only {edges}"))),
+            _ if !accepted => {
+                let regions = 100.0 * quality.frame_explained.min(quality.reference_explained);
+                let off =
+                    format!("{:.3} px off in the middle, {:.3} expected of noise", quality.median, quality.expected);
+                let why =
+                    format!("the pattern does not explain the frame: {edges}, {off}; regions agree by {regions:.0} %");
+                (Self::Suspect, Some(why))
+            }
+            Some(ratio) => (
+                Self::Ambiguous,
+                Some(format!("another theta fits nearly as well: its edges are {ratio:.2} times as far off")),
+            ),
+            None if seen < support => {
+                let why =
+                    format!("only {:.0} % of the contour is seen ({:.0} % wanted)", 100.0 * seen, 100.0 * support);
+                (Self::Suspect, Some(why))
+            }
+            None => (Self::Good, None),
         }
     }
 }
@@ -91,7 +107,7 @@ impl Registrar {
         let Some(found) = self.search(outlined, view, theta, 3.0) else { return none() };
         let focal = view.camera.focal();
         let factors: Vec<f64> = found.distances.iter().map(|d| if d.abs() < 1.5 { focal } else { 0.0 }).collect();
-        let (rows, shift) = (factors.len(), outlined.printed);
+        let rows = factors.len();
         let random = match view.field.is_greys() {
             false => quality.expected,
             // Small steps are less sure than large ones.
@@ -101,14 +117,8 @@ impl Registrar {
                 (square / with.len().max(1) as f64).sqrt().hypot(0.75 * outlined.deviation)
             }
         };
-        let problem = EdgeProblem {
-            mapper: &outlined.places,
-            manifold,
-            edges: found.edges,
-            normals: found.normals,
-            factors,
-            shift,
-        };
+        let problem =
+            EdgeProblem { mapper: &outlined.places, manifold, edges: found.edges, normals: found.normals, factors };
         let (mut residual, mut jacobian) = (vec![0.0; rows], vec![0.0; rows * m]);
         problem.jacobian(theta, &mut residual, &mut jacobian);
         if jacobian.iter().any(|v| !v.is_finite()) {

@@ -19,6 +19,8 @@ const STEPS: usize = 4;
 pub(super) const ONE_MODE: f64 = 0.1;
 /// Source points near a target point that may explain it: of few points, of more.
 pub(super) const NEIGHBOURS: [usize; 2] = [8, 12];
+/// Modes that symmetries imply, polished before it is asked whether they lead anywhere.
+const AT_A_TIME: usize = 4;
 /// Where the most likely theta is a misfit: the share of its noise that a second search may use.
 const LESS_NOISE: f64 = 0.3;
 /// Deviation of theta that counts as one test, where a fit is to be beyond chance: radians, sizes of the source.
@@ -161,36 +163,51 @@ impl Search<'_> {
     fn distinct(&self, fine: &PointsLikelihood<'_>, mut fits: Vec<Fit>) -> Vec<Mode> {
         fits.sort_by(|a, b| b.log_likelihood.total_cmp(&a.log_likelihood));
         let mut all: Vec<Mode> = Vec::new();
-        for fit in fits {
-            if all.iter().all(|mode| self.apart(&mode.fit.theta, &fit.theta) > ONE_MODE) {
-                let behind = all.first().map_or(Behind::default(), |best| behind(fine, &best.fit, &fit));
-                all.push(Mode { fit, behind });
-            }
-        }
+        fits.into_iter().for_each(|fit| self.insert(fine, fit, &mut all));
         all
     }
 
-    /// Add the modes that the symmetries of the source make of the equal ones, until there are no new ones or enough.
+    /// Insert a fit among modes, most likely first, where it is no other one again.
+    fn insert(&self, fine: &PointsLikelihood<'_>, fit: Fit, all: &mut Vec<Mode>) {
+        if let Some(same) = all.iter().position(|mode| self.apart(&mode.fit.theta, &fit.theta) <= ONE_MODE) {
+            if all[same].fit.log_likelihood >= fit.log_likelihood {
+                return;
+            }
+            all.remove(same);
+        }
+        let at = all.partition_point(|mode| mode.fit.log_likelihood >= fit.log_likelihood);
+        let behind_best = if at == 0 { Behind::default() } else { behind(fine, &all[0].fit, &fit) };
+        all.insert(at, Mode { fit, behind: behind_best });
+        if at == 0 {
+            let (best, others) = all.split_at_mut(1);
+            others.iter_mut().for_each(|mode| mode.behind = behind(fine, &best[0].fit, &mode.fit));
+        }
+    }
+
+    /// Add the modes that the symmetries of the source make of the equal ones, a few at a time, until there are no new ones or enough.
+    /// A few that all lead nowhere say that the equal modes are no symmetry.
     fn completed(&self, fine: &PointsLikelihood<'_>, mut all: Vec<Mode>) -> Vec<Mode> {
         let most = self.parts.criteria.polished[1];
+        let equal = |all: &[Mode]| all.iter().filter(|mode| mode.behind.is_equal(&self.parts.criteria)).count();
         let mut tried: Vec<Vec<f64>> = Vec::new();
         loop {
-            let mut proposed = self.symmetric(&all, &tried);
-            proposed.truncate(most.saturating_sub(tried.len()));
+            let before = equal(&all);
+            let proposed = self.symmetric(&all, &tried, AT_A_TIME.min(most.saturating_sub(tried.len())));
             if proposed.is_empty() || self.interrupt.is_raised() {
                 return all;
             }
             let best = all.first().map_or(f64::NEG_INFINITY, |mode| mode.fit.log_likelihood);
-            let mut fits: Vec<Fit> = all.into_iter().map(|mode| mode.fit).collect();
             for theta in proposed {
                 let fit = fine.ascend(&theta, Kernel::Shape, 30, best);
                 tried.push(theta);
                 if let Some(mut fit) = fit.filter(|fit| self.is_usable(fit)) {
                     self.add_prior(&mut fit);
-                    fits.push(fit);
+                    self.insert(fine, fit, &mut all);
                 }
             }
-            all = self.distinct(fine, fits);
+            if equal(&all) <= before {
+                return all;
+            }
         }
     }
 

@@ -38,9 +38,9 @@ impl Affine {
 }
 
 impl Search<'_> {
-    /// Return thetas that the equal ones among modes imply and that are neither one of them nor among those `tried`; none for a model
-    /// whose maps of the source do not form a group.
-    pub fn symmetric(&self, modes: &[Mode], tried: &[Vec<f64>]) -> Vec<Vec<f64>> {
+    /// Return at most so many thetas that the equal ones among modes imply and that are neither one of them nor among those `tried`; none
+    /// for a model whose maps of the source do not form a group.
+    pub fn symmetric(&self, modes: &[Mode], tried: &[Vec<f64>], most: usize) -> Vec<Vec<f64>> {
         let equal = modes.iter().filter(|mode| mode.behind.is_equal(&self.parts.criteria));
         let equal: Vec<&Vec<f64>> = equal.map(|mode| &mode.fit.theta).collect();
         if equal.len() < 2 {
@@ -59,6 +59,9 @@ impl Search<'_> {
             let inverse = symmetry.inverse();
             for map in &maps {
                 for symmetry in inverse.iter().chain([&symmetry]) {
+                    if found.len() >= most {
+                        return found;
+                    }
                     let theta = self.of_affine(equal[0], &map.after(symmetry));
                     let reached = theta.and_then(|theta| self.reached(theta, equal[0]));
                     let new = reached.filter(|theta| !known(theta, &found));
@@ -118,5 +121,20 @@ impl Search<'_> {
             }
         }
         theta.iter().all(|x| x.is_finite()).then_some(theta)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_map_after_its_inverse_moves_nothing() {
+        let map = Affine { a: vec![0.0, -2.0, 0.0, 1.5, 0.1, 0.0, 0.0, 0.3, 1.0], b: vec![0.5, -1.0, 2.0] };
+        let same = map.inverse().unwrap().after(&map);
+        let unit = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0];
+        assert!(same.a.iter().zip(&unit).all(|(a, b)| (a - b).abs() < 1e-12), "{:?}", same.a);
+        assert!(same.b.iter().all(|b| b.abs() < 1e-12), "{:?}", same.b);
+        assert!(Affine { a: vec![1.0, 1.0, 1.0, 1.0], b: vec![0.0; 2] }.inverse().is_none());
     }
 }

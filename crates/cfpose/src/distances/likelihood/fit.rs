@@ -166,3 +166,23 @@ fn ahead(last: &mut f64, step: f64) -> f64 {
 pub(super) fn quadratic(n: usize, matrix: &[f64], v: &[f64]) -> f64 {
     (0..n).map(|i| v[i] * (0..n).map(|j| matrix[i * n + j] * v[j]).sum::<f64>()).sum()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn two_steps_of_a_geometric_sequence_tell_its_limit() {
+        // ln s goes from 0 towards 1, a fifth of the way left at each step.
+        let (mut s, mut last) = (0.0_f64, 0.0);
+        for _ in 0..2 {
+            let step = 0.2 * (1.0 - s);
+            s += step;
+            s += ahead(&mut last, step).ln();
+        }
+        assert!((s - 1.0).abs() < 1e-12, "{s}");
+        // A sequence that turns back is left alone.
+        let mut last = 0.1;
+        assert_eq!(ahead(&mut last, -0.05), 1.0);
+    }
+}
