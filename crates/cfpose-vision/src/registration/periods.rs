@@ -123,14 +123,15 @@ mod tests {
             for polygon in corners {
                 for (k, a) in polygon.iter().enumerate() {
                     let b = polygon[(k + 1) % polygon.len()];
-                    for share in [0.125, 0.375, 0.625, 0.875] {
+                    // Places 2.5 apart on a side of a square: far less than the distance between two shifts.
+                    for share in (0..8).map(|k| (f64::from(k) + 0.5) / 8.0) {
                         places.push([0, 1].map(|d| a[d] + share * (b[d] - a[d])));
                         ahead.push([0, 1].map(|d| a[d] + (share + 0.01) * (b[d] - a[d])));
                     }
                 }
             }
             let levels = vec![super::super::edges::Levels::COVERAGE; places.len()];
-            Outline { places, ahead, levels, spacing: 5.0, deviation: 0.0 }
+            Outline { places, ahead, levels, spacing: 2.5, deviation: 0.0 }
         };
         let square = |i: f64, j: f64| {
             [[0.0, 0.0], [0.0, 20.0], [20.0, 20.0], [20.0, 0.0]].map(|[x, y]| [x + 20.0 * i, y + 20.0 * j])
