@@ -49,6 +49,8 @@ pub struct Experiment {
     pub methods: Vec<Method>,
     /// Printed figures to show beside ours.
     pub published: Vec<Published>,
+    /// The pooled table of a page of results.
+    pub page: Option<Page>,
     /// Folder of the file, where scenarios look for files that they name; no part of the experiment's identity.
     pub folder: PathBuf,
 }
@@ -78,8 +80,11 @@ pub struct Published {
 }
 
 mod methods;
+mod page;
 
-const TOP_KEYS: &[&str] = &["seed", "trials", "deadline_secs", "scenario", "method", "published"];
+pub use page::Page;
+
+const TOP_KEYS: &[&str] = &["seed", "trials", "deadline_secs", "scenario", "method", "published", "page"];
 /// Largest number of cells: beyond it a grid is a mistake.
 const MAX_CELLS: usize = 1_000_000;
 
@@ -117,6 +122,7 @@ impl Experiment {
             deadline_secs: reader.deadline(&table)?,
             scenarios: reader.scenarios(&table)?,
             published: reader.published(&table, &methods)?,
+            page: reader.page(&table)?,
             methods,
             folder: folder.to_path_buf(),
         };
@@ -180,6 +186,9 @@ impl Experiment {
         table.insert("method".into(), Value::Array(methods));
         if !self.published.is_empty() {
             table.insert("published".into(), Value::Array(self.published.iter().map(Published::to_value).collect()));
+        }
+        if let Some(page) = &self.page {
+            table.insert("page".into(), page.to_value());
         }
         table.to_string()
     }
@@ -395,6 +404,9 @@ impl Reader<'_> {
                     problem: Box::new(problem),
                 })?;
             }
+        }
+        if let Some(name) = experiment.page.as_ref().and_then(|page| page.unknown(experiment)) {
+            return Err(self.value_error("[page]", format!("no scenario has a parameter `{name}`")));
         }
         let cells = experiment.cells();
         for published in &experiment.published {

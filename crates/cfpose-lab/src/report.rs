@@ -4,6 +4,7 @@ pub mod docs;
 pub(crate) mod export;
 mod html;
 pub mod latex;
+mod pooled;
 mod summary;
 
 use std::borrow::Cow;

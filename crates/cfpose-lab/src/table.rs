@@ -164,15 +164,15 @@ fn calibration(calibration: &Calibration) -> [String; 6] {
     ]
 }
 
-fn percent(successes: usize, trials: usize) -> String {
+pub(crate) fn percent(successes: usize, trials: usize) -> String {
     if trials == 0 { dash() } else { format!("{:.1}", 100.0 * successes as f64 / trials as f64) }
 }
 
-fn interval([low, high]: [f64; 2]) -> String {
+pub(crate) fn interval([low, high]: [f64; 2]) -> String {
     format!("{:.1}..{:.1}", 100.0 * low, 100.0 * high)
 }
 
-fn number(value: Option<f64>) -> String {
+pub(crate) fn number(value: Option<f64>) -> String {
     match value {
         None => dash(),
         Some(v) if v != 0.0 && !(1e-4..1e4).contains(&v.abs()) => format!("{v:.2e}"),

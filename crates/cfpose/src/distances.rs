@@ -9,6 +9,7 @@ pub(crate) mod likelihood;
 pub(crate) mod neighbours;
 mod normals;
 pub(crate) mod sampling;
+pub(crate) mod spin;
 pub(crate) mod support;
 
 pub use correspondence::{Correspondence, MAX_ASSIGNED, assign, correspond, nearest_neighbours};

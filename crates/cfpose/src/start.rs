@@ -8,8 +8,10 @@ use crate::geometry::free::Freedom;
 use crate::geometry::theta::{euler_of_rotation, rotation_of_euler};
 use crate::model::Model;
 
+mod consistent;
 mod grid;
 mod identity;
+mod local_features;
 mod pca;
 mod whitened_affine;
 
@@ -58,7 +60,8 @@ pub struct StartEntry {
 }
 
 /// All start strategies of the library.
-pub const ALL: &[&StartEntry] = &[&identity::ENTRY, &pca::ENTRY, &grid::ENTRY, &whitened_affine::ENTRY];
+pub const ALL: &[&StartEntry] = 
+    &[&identity::ENTRY, &pca::ENTRY, &grid::ENTRY, &whitened_affine::ENTRY, &local_features::ENTRY];
 
 /// The parameter `reflections` of strategies that choose signs.
 const REFLECTIONS: ParameterSpec = ParameterSpec {

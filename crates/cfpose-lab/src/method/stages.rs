@@ -49,8 +49,13 @@ pub fn check(pipeline: &Pipeline, registry: &Registry) -> Result<(), String> {
             return Err(format!("stage `{}`: {error}", stage.name));
         }
     }
-    let points = pipeline.points.as_ref().and_then(|points| points.start.as_ref());
-    for (key, name) in [("global-start", pipeline.global_start.as_ref()), ("[points] start", points)] {
+    let points = pipeline.points.as_ref();
+    let named = [
+        ("global-start", pipeline.global_start.as_ref()),
+        ("[points] start", points.and_then(|points| points.start.as_ref())),
+        ("[points] parts", points.and_then(|points| points.parts.as_ref())),
+    ];
+    for (key, name) in named {
         if let Some(error) = name.and_then(|name| wrong(registry.start(name).map(drop))) {
             return Err(format!("{key}: {error}"));
         }

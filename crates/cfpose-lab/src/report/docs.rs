@@ -6,6 +6,7 @@ use crate::config::Experiment;
 use crate::group::{Group, groups};
 use crate::plan::Plan;
 use crate::record::Record;
+use crate::report::pooled::pooled_table;
 use crate::statistics::{self, TableCell};
 use crate::summary::SummaryRow;
 use crate::table;
@@ -76,6 +77,11 @@ impl Section<'_> {
         let published = table::published_tables(self.experiment, self.rows);
         if !published.is_empty() {
             let _ = write!(text, "\n{published}");
+        }
+        if let Some(page) = &self.experiment.page {
+            let _ = write!(text, "\n{}", pooled_table(page, self.records));
+        } else if !published.is_empty() {
+            // The cells stand in the tables above.
         } else if self.rows.len() <= MAX_ROWS {
             let _ = write!(text, "\n{}", table::summary_table(self.rows));
         } else {

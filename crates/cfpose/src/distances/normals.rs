@@ -22,21 +22,27 @@ impl Normals {
     pub fn at(&mut self, k: usize, tree: &Neighbours, x: &[[f64; 3]]) -> Option<[f64; 3]> {
         let look_up = || tree.nearest_n(&x[k], NORMAL_NEIGHBOURS).iter().map(|n| n.index).collect();
         let list = self.lists[k].get_or_insert_with(look_up);
-        let mut mean = [0.0; 3];
-        for i in list.iter() {
-            (0..3).for_each(|d| mean[d] += x[*i][d] / list.len() as f64);
-        }
-        let mut covariance = [[0.0; 3]; 3];
-        for i in list.iter() {
-            let r: [f64; 3] = std::array::from_fn(|d| x[*i][d] - mean[d]);
-            for a in 0..tree.dim() {
-                for b in 0..tree.dim() {
-                    covariance[a][b] += r[a] * r[b];
-                }
+        least_axis(list.iter().map(|i| &x[*i]), tree.dim())
+    }
+}
+
+/// Return the unit normal of a region in the plane or in space, where it is flat.
+pub(super) fn least_axis<'a>(region: impl Iterator<Item = &'a [f64; 3]> + Clone, dim: usize) -> Option<[f64; 3]> {
+    let count = region.clone().count() as f64;
+    let mut mean = [0.0; 3];
+    for x in region.clone() {
+        (0..3).for_each(|d| mean[d] += x[d] / count);
+    }
+    let mut covariance = [[0.0; 3]; 3];
+    for x in region {
+        let r: [f64; 3] = std::array::from_fn(|d| x[d] - mean[d]);
+        for a in 0..dim {
+            for b in 0..dim {
+                covariance[a][b] += r[a] * r[b];
             }
         }
-        if tree.dim() == 2 { normal2(&covariance) } else { normal3(&covariance) }
     }
+    if dim == 2 { normal2(&covariance) } else { normal3(&covariance) }
 }
 
 /// Return the axis of least spread of a plane neighbourhood, in closed form.

@@ -280,6 +280,11 @@ impl Search<'_> {
             rough.sort_by(|a, b| b.0.total_cmp(&a.0));
             rough
         };
+        // What parts of both sides propose is near: a wide reach would pull it towards what only one of them shows.
+        for theta in self.from_parts()?.iter().map(adopt) {
+            let aligned = coarse.align(&theta, &REACHES[1..], STEPS);
+            scored.extend(aligned.and_then(|(_, theta)| score(coarse, theta)));
+        }
         let mut rough = best_first(self.everywhere()?.iter().filter_map(|theta| halfway(&adopt(theta))).collect());
         rough.truncate((rough.len() / 3).max(2 * self.parts.criteria.aligned));
         let rough = best_first(rough.iter().filter_map(|(_, theta)| halfway(theta)).collect());
@@ -297,6 +302,14 @@ impl Search<'_> {
         }
         scored.retain(|(value, theta)| value.is_finite() && self.is_plausible(theta));
         Ok(scored)
+    }
+
+    /// Return thetas that a part of both sides proposes.
+    fn from_parts(&self) -> Result<Vec<Vec<f64>>, Error> {
+        let Some(name) = self.pipeline.points.as_ref().and_then(|points| points.parts.as_ref()) else {
+            return Ok(Vec::new());
+        };
+        self.proposals(name, self.last())
     }
 
     /// Return thetas all over the model's manifold, from both parts of the target without what lies far outside.

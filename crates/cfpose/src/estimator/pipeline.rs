@@ -111,6 +111,9 @@ pub struct PointsStage {
     /// Start strategy that covers the model's manifold; absent: only what the means found and given starts are polished.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub start: Option<String>,
+    /// Start strategy whose thetas are added to those: one that needs only a part of both sides, `local-features`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub parts: Option<String>,
     /// Source points that are used at most to polish the answer.
     pub source_points: usize,
     /// Target points that are used at most for that.
@@ -119,7 +122,7 @@ pub struct PointsStage {
 
 impl Default for PointsStage {
     fn default() -> Self {
-        Self { start: None, source_points: 4000, target_points: 2000 }
+        Self { start: None, parts: None, source_points: 4000, target_points: 2000 }
     }
 }
 

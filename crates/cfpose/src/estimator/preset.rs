@@ -113,6 +113,7 @@ fn direct(model: &Model) -> Pipeline {
         None if rotates(model) => "grid[count=72,keep=8]",
         None => "identity",
     };
+    let rigid = model.linear.as_ref().is_some_and(|group| group.kind == LinearKind::Rotation);
     let stages = vec![
         Stage {
             iterations: 20,
@@ -137,6 +138,7 @@ fn direct(model: &Model) -> Pipeline {
                 Some(LinearKind::Rotation | LinearKind::Similarity) => "grid[count=160]".to_string(),
                 _ => global.to_string(),
             }),
+            parts: rigid.then(|| "local-features".to_string()),
             ..PointsStage::default()
         }),
         ..Pipeline::new(stages)
