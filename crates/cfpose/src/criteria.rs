@@ -153,6 +153,9 @@ criteria! {
     /// Standard deviations by which another mode has to be behind: a lead of many small differences may be chance.
     mode_deviations: f64 = 3.0, "standard deviations",
         "Vuong's test; equal poses of symmetric shapes, sampled anew, stay below";
+    /// Share of the target that the most likely mode leaves unexplained, from which on the source is looked for in the rest.
+    another: f64 = 0.3, "share of the target",
+        "two copies leave a half each; below a third the rest holds no whole copy";
     /// Starts of the points' likelihood that are aligned to the end.
     aligned: usize = 40, "starts",
         "a budget";

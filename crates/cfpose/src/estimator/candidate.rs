@@ -99,6 +99,8 @@ pub(super) struct Candidate {
     pub evidence: Option<Evidence>,
     /// The other modes of that likelihood, most likely first.
     pub modes: Vec<Mode>,
+    /// Share of the target that neither this theta nor those that the points cannot tell from it explain, where there are such.
+    pub unexplained: Option<f64>,
     /// Directions that the points do not determine.
     pub undetermined: Vec<Undetermined>,
     /// What became of the prior.

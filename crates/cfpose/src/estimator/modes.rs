@@ -51,7 +51,7 @@ impl Behind {
 }
 
 /// A theta and how likely it is.
-trait Scored {
+pub(super) trait Scored {
     fn value(&self) -> f64;
     fn theta(&self) -> &[f64];
 }
@@ -142,7 +142,8 @@ impl Search<'_> {
             }
         }
         fits.iter_mut().for_each(|fit| self.add_prior(fit));
-        let all = self.completed(fine, self.distinct(fine, fits));
+        let mut all = self.completed(fine, self.distinct(fine, fits));
+        self.add_others(fine, &mut all);
         let gain = all.first().map_or(0.0, |mode| mode.fit.log_likelihood - fine.chance());
         (!all.is_empty()).then_some(Modes { all, gain, most_noise: None })
     }
@@ -153,7 +154,7 @@ impl Search<'_> {
         self.parts.criteria.is_misfit(fine.coherence(&placed, &fit.mixture), fit.mixture.sigma / fine.size)
     }
 
-    fn add_prior(&self, fit: &mut Fit) {
+    pub(super) fn add_prior(&self, fit: &mut Fit) {
         if let Some(prior) = &self.parts.prior {
             fit.log_likelihood += prior.log_density(&fit.theta);
         }
@@ -168,7 +169,7 @@ impl Search<'_> {
     }
 
     /// Insert a fit among modes, most likely first, where it is no other one again.
-    fn insert(&self, fine: &PointsLikelihood<'_>, fit: Fit, all: &mut Vec<Mode>) {
+    pub(super) fn insert(&self, fine: &PointsLikelihood<'_>, fit: Fit, all: &mut Vec<Mode>) {
         if let Some(same) = all.iter().position(|mode| self.apart(&mode.fit.theta, &fit.theta) <= ONE_MODE) {
             if all[same].fit.log_likelihood >= fit.log_likelihood {
                 return;
@@ -211,7 +212,7 @@ impl Search<'_> {
         }
     }
 
-    fn is_usable(&self, fit: &Fit) -> bool {
+    pub(super) fn is_usable(&self, fit: &Fit) -> bool {
         fit.log_likelihood.is_finite() && self.is_plausible(&fit.theta)
     }
 
@@ -253,7 +254,7 @@ impl Search<'_> {
     }
 
     /// Return an even part of what counts of the points.
-    fn evenly(&self, points: &Points, count: usize) -> Result<Points, PointsError> {
+    pub(super) fn evenly(&self, points: &Points, count: usize) -> Result<Points, PointsError> {
         if points.is_uniform() {
             return even(points, count);
         }
@@ -274,61 +275,70 @@ impl Search<'_> {
             scored.extend(score(coarse, theta));
             scored.extend(aligned.and_then(|(_, theta)| score(coarse, theta)));
         }
+        let target = &self.last().sides.mapped_target;
+        scored.extend(self.from_parts(target)?.iter().map(adopt).filter_map(|theta| self.brought_near(coarse, &theta)));
+        scored.extend(self.best_of(coarse, self.everywhere()?));
+        scored.retain(|(value, theta)| value.is_finite() && self.is_plausible(theta));
+        Ok(scored)
+    }
+
+    /// Align thetas from all over; return the best that differ, scored.
+    pub(super) fn best_of(&self, coarse: &PointsLikelihood<'_>, thetas: Vec<Vec<f64>>) -> Vec<(f64, Vec<f64>)> {
+        let most = self.parts.criteria.aligned;
         // Half of the steps tell which starts deserve the other half.
         let halfway = |theta: &Vec<f64>| coarse.align(theta, &REACHES[..1], STEPS / 2);
         let best_first = |mut rough: Vec<(f64, Vec<f64>)>| {
             rough.sort_by(|a, b| b.0.total_cmp(&a.0));
             rough
         };
-        // What parts of both sides propose is near: a wide reach would pull it towards what only one of them shows.
-        for theta in self.from_parts()?.iter().map(adopt) {
-            let aligned = coarse.align(&theta, &REACHES[1..], STEPS);
-            scored.extend(aligned.and_then(|(_, theta)| score(coarse, theta)));
-        }
-        let mut rough = best_first(self.everywhere()?.iter().filter_map(|theta| halfway(&adopt(theta))).collect());
-        rough.truncate((rough.len() / 3).max(2 * self.parts.criteria.aligned));
+        let adopted = thetas.iter().map(|theta| self.last().adopt(theta, self.parts));
+        let mut rough = best_first(adopted.filter_map(|theta| halfway(&theta)).collect());
+        rough.truncate((rough.len() / 3).max(2 * most));
         let rough = best_first(rough.iter().filter_map(|(_, theta)| halfway(theta)).collect());
         // Many starts lead to one place.
         let mut chosen: Vec<Vec<f64>> = Vec::new();
         for (_, theta) in rough {
             let is_new = |theta: &Vec<f64>| chosen.iter().all(|other| self.apart(other, theta) > ONE_MODE);
-            if chosen.len() < self.parts.criteria.aligned && is_new(&theta) && self.is_plausible(&theta) {
+            if chosen.len() < most && is_new(&theta) && self.is_plausible(&theta) {
                 chosen.push(theta);
             }
         }
-        for theta in chosen {
-            let aligned = coarse.align(&theta, &REACHES[1..], STEPS);
-            scored.extend(aligned.and_then(|(_, theta)| score(coarse, theta)));
-        }
-        scored.retain(|(value, theta)| value.is_finite() && self.is_plausible(theta));
-        Ok(scored)
+        chosen.iter().filter_map(|theta| self.brought_near(coarse, theta)).collect()
     }
 
-    /// Return thetas that a part of both sides proposes.
-    fn from_parts(&self) -> Result<Vec<Vec<f64>>, Error> {
+    /// Align a theta that is not far off; a wide reach would pull it towards what only one side shows.
+    pub(super) fn brought_near(&self, coarse: &PointsLikelihood<'_>, theta: &[f64]) -> Option<(f64, Vec<f64>)> {
+        coarse.align(theta, &REACHES[1..], STEPS).and_then(|(_, theta)| score(coarse, theta))
+    }
+
+    /// Return thetas that a part of the source and a part of `target` propose together.
+    pub(super) fn from_parts(&self, target: &Points) -> Result<Vec<Vec<f64>>, Error> {
         let Some(name) = self.pipeline.points.as_ref().and_then(|points| points.parts.as_ref()) else {
             return Ok(Vec::new());
         };
-        self.proposals(name, self.last())
+        let stage = self.last();
+        self.proposals_for(name, stage, &stage.sides.source, target)
     }
 
-    /// Return thetas all over the model's manifold, from both parts of the target without what lies far outside.
+    /// Return thetas all over the model's manifold, from both parts of the target.
     fn everywhere(&self) -> Result<Vec<Vec<f64>>, Error> {
+        let parts = self.parts_of_target(PROPOSED_FOR)?;
+        Ok(parts.iter().map(|part| self.all_over(part)).collect::<Result<Vec<_>, _>>()?.concat())
+    }
+
+    /// Return thetas all over the model's manifold that put the source on `target` without what lies far outside of it.
+    pub(super) fn all_over(&self, target: &Points) -> Result<Vec<Vec<f64>>, Error> {
         let Some(name) = self.pipeline.points.as_ref().and_then(|points| points.start.as_ref()) else {
             return Ok(Vec::new());
         };
         let stage = self.last();
         let source = self.evenly(&stage.sides.source, PROPOSED_FOR).map_err(of_side(Side::Source))?;
-        let mut thetas = Vec::new();
-        for part in self.parts_of_target(PROPOSED_FOR)? {
-            let target = central(&part).map_err(of_side(Side::Target))?;
-            thetas.extend(self.proposals_for(name, stage, &source, &target)?);
-        }
-        Ok(thetas)
+        let target = central(target).map_err(of_side(Side::Target))?;
+        self.proposals_for(name, stage, &source, &target)
     }
 
     /// Return the best that differ: some in any case, more while they are about as good.
-    fn worth_polishing<T: Scored>(&self, mut scored: Vec<T>, [always, most]: [usize; 2]) -> Vec<T> {
+    pub(super) fn worth_polishing<T: Scored>(&self, mut scored: Vec<T>, [always, most]: [usize; 2]) -> Vec<T> {
         let criteria = &self.parts.criteria;
         scored.sort_by(|a, b| b.value().total_cmp(&a.value()));
         let best = scored.first().map_or(0.0, T::value);

@@ -71,7 +71,9 @@ impl Search<'_> {
         candidate.support = Some(self.last().support(&candidate.theta)?);
         let is_other = |mode: &&Mode| self.apart(&mode.fit.theta, &candidate.theta) > ONE_MODE;
         candidate.modes = modes.all.iter().filter(is_other).cloned().collect();
-        candidate.undetermined = match (self.comparison()?, evidence.copies) {
+        let fine = self.comparison()?;
+        candidate.unexplained = fine.as_ref().and_then(|fine| self.unexplained(fine, chosen, &candidate.modes));
+        candidate.undetermined = match (fine, evidence.copies) {
             (Some(fine), false) => {
                 let several = modes.all[1..].iter().any(|mode| mode.behind.is_equal(&self.parts.criteria));
                 self.undetermined(&fine, &chosen.fit, several)

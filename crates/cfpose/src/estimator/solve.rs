@@ -187,6 +187,7 @@ impl ReadyStage {
             clutter: None,
             evidence: None,
             modes: Vec::new(),
+            unexplained: None,
             undetermined: Vec::new(),
             prior: None,
             deviation: None,

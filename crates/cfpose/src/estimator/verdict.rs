@@ -82,7 +82,8 @@ pub(super) fn reasons(candidate: &Candidate, stage: &ReadyStage, parts: &Parts) 
     reasons.extend(beforehand(candidate, stage, parts));
     if let Some(share) = candidate.clutter.filter(|share| *share > 0.0) {
         let text = format!("{:.1} % of the target points are outliers", 100.0 * share);
-        reasons.push((text, if share > parts.criteria.max_clutter { Weight::Doubt } else { Weight::Note }));
+        let unexplained = candidate.unexplained.unwrap_or(share);
+        reasons.push((text, if unexplained > parts.criteria.max_clutter { Weight::Doubt } else { Weight::Note }));
     }
     reasons
 }
@@ -136,7 +137,9 @@ fn by_points(candidate: &Candidate, criteria: &Criteria) -> Vec<(String, Weight)
     }
     if evidence.unseen_target > criteria.max_clutter && candidate.clutter.is_none() {
         let share = 100.0 * evidence.unseen_target;
-        reasons.push((format!("{share:.0} % of the target points are outliers"), Weight::Doubt));
+        let doubt = candidate.unexplained.is_none_or(|share| share > criteria.max_clutter);
+        let weight = if doubt { Weight::Doubt } else { Weight::Note };
+        reasons.push((format!("{share:.0} % of the target points are outliers"), weight));
     }
     let equal = candidate.modes.iter().filter(|mode| mode.behind.is_equal(criteria)).count();
     if equal > 0 {
