@@ -5,6 +5,7 @@ use super::Watch;
 use super::candidate::{Candidate, PointFit};
 use super::modes::{Mode, Modes, NEIGHBOURS, ONE_MODE};
 use super::search::Search;
+use crate::criteria::Criteria;
 use crate::distances::likelihood::{Fit, Kernel, Mixture, Placed, PointsLikelihood};
 use crate::distances::sampling::Sampling;
 use crate::error::Error;
@@ -34,6 +35,15 @@ pub struct Evidence {
     pub coherence: f64,
     /// Whether the target holds copies of source points rather than new draws from the shape.
     pub copies: bool,
+}
+
+impl Evidence {
+    /// Say whether the part of the source that is seen is enough to know theta: no other theta explains as much, and the noise is too small
+    /// to make one part look like another.
+    pub(super) fn is_part_enough(&self, criteria: &Criteria) -> bool {
+        let is_clear = self.second_mode_deviations >= criteria.clear_deviations && self.noise <= criteria.clear_noise;
+        is_clear && self.unseen_source <= criteria.unseen_clear && self.unseen_target <= criteria.unseen_clear
+    }
 }
 
 /// Source points near a target point that may explain it, in the last fit.

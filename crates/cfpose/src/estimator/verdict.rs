@@ -133,7 +133,8 @@ fn by_points(candidate: &Candidate, criteria: &Criteria) -> Vec<(String, Weight)
     }
     if evidence.unseen_source > criteria.unseen {
         let share = 100.0 * evidence.unseen_source;
-        reasons.push((format!("partial overlap: {share:.0} % of the source has no target near it"), Weight::Doubt));
+        let weight = if evidence.is_part_enough(criteria) { Weight::Note } else { Weight::Doubt };
+        reasons.push((format!("partial overlap: {share:.0} % of the source has no target near it"), weight));
     }
     if evidence.unseen_target > criteria.max_clutter && candidate.clutter.is_none() {
         let share = 100.0 * evidence.unseen_target;
