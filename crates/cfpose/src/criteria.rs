@@ -193,6 +193,9 @@ criteria! {
     /// Deviations by which the next mode is behind where a part is enough.
     clear_deviations: f64 = 6.0, "standard deviations",
         "wrong modes of a part were 4.1 to 5.2 ahead, right ones 3.3 to 75";
+    /// A misfit shorter than this does not count where a part is enough.
+    clear_misfit: f64 = 0.001, "sizes of the target",
+        "a wrong arc that fits to .003 has .0029, right ones without noise have .0002";
     /// Noise up to which a part is enough.
     clear_noise: f64 = 0.04, "sizes of the target",
         "a larger noise makes one part look like another";

@@ -69,8 +69,8 @@ pub(crate) struct PointsLikelihood<'a> {
     log_uniform: f64,
     /// Median distance of the target points to their median point.
     pub size: f64,
-    /// Noise is at most this share of the target's size.
-    most_noise: f64,
+    /// Noise is between these shares of the target's size.
+    noise: [f64; 2],
     /// Share of the source that may be called hidden.
     most_hidden: f64,
     /// Source points near a target point that may explain it, at most.
@@ -146,7 +146,7 @@ impl<'a> PointsLikelihood<'a> {
             target,
             log_uniform,
             size,
-            most_noise: mixture::SIGMA[1],
+            noise: mixture::SIGMA,
             most_hidden: weights::MOST_HIDDEN[0],
             neighbours,
             interrupt: Interrupt::default(),
@@ -160,8 +160,13 @@ impl<'a> PointsLikelihood<'a> {
 
     /// Let the noise be at most this share of the target's size, and more of the source be hidden.
     pub fn with_noise_below(self, most_noise: f64) -> Self {
-        let most_noise = most_noise.clamp(2.0 * mixture::SIGMA[0], mixture::SIGMA[1]);
-        Self { most_noise, most_hidden: weights::MOST_HIDDEN[1], ..self }
+        let most = most_noise.clamp(2.0 * mixture::SIGMA[0], mixture::SIGMA[1]);
+        Self { noise: [self.noise[0].min(0.5 * most), most], most_hidden: weights::MOST_HIDDEN[1], ..self }
+    }
+
+    /// Let the noise be at least this share of the target's size: where data have none, a theta that is not polished yet is not far behind.
+    pub fn with_noise_above(self, least: f64) -> Self {
+        Self { noise: [least.clamp(mixture::SIGMA[0], self.noise[1]), self.noise[1]], ..self }
     }
 
     /// Return the log likelihood of a target that is all clutter: the null hypothesis of [`PointsLikelihood::evidence`].

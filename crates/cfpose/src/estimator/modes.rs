@@ -25,6 +25,8 @@ const AT_A_TIME: usize = 4;
 const LESS_NOISE: f64 = 0.3;
 /// Deviation of theta that counts as one test, where a fit is to be beyond chance: radians, sizes of the source.
 const EXACT: f64 = 0.01;
+/// Least noise while starts are sorted: without it the first theta that is polished leaves equal ones far behind.
+const COARSE_NOISE: f64 = 0.005;
 /// Points of each side that starts are proposed for.
 const PROPOSED_FOR: usize = 300;
 
@@ -94,6 +96,7 @@ impl Search<'_> {
     pub fn modes(&mut self, found: &[Candidate], given: &[Vec<f64>]) -> Result<Option<Modes>, Error> {
         let (coarse, fine) = (self.covering(self.parts.criteria.coarse_points)?, self.comparison()?);
         let (Some(coarse), Some(fine)) = (coarse, fine) else { return Ok(None) };
+        let coarse = coarse.with_noise_above(COARSE_NOISE);
         let aligned = self.aligned(&coarse, found, given)?;
         let Some(modes) = self.modes_among(&coarse, &fine, aligned.clone(), given) else { return Ok(None) };
         let first = &modes.all[0].fit;

@@ -62,7 +62,8 @@ const HELD: f64 = 1.8;
 /// expected log likelihood has its maximum on the surface, found by quadrature, is 1, .84, .64, .52, .38, .28 of kappa t^2 at kappa t^2 / s =
 /// 0, 1, 2, 3, 5, 8; this is within .05 of it.
 fn bend_beside(bend: f64, sigma: f64) -> f64 {
-    bend / 1.0_f64.hypot(bend / (HELD * sigma))
+    let ratio = bend / (HELD * sigma);
+    bend / (1.0 + ratio * ratio).sqrt()
 }
 
 /// The inverse of S = s^2 I + across (I - a a') + along a a', and the middle of the kernel on the axis a.

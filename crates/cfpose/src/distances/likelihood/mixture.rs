@@ -33,7 +33,7 @@ impl PointsLikelihood<'_> {
     }
 
     fn likely_mixture(&self, placed: &Placed, kernel: Kernel, grid: usize) -> (Mixture, f64) {
-        let bounds = [SIGMA[0], self.most_noise].map(|share| share * self.size);
+        let bounds = self.noise.map(|share| share * self.size);
         let mut best: Option<(Mixture, f64)> = None;
         for k in 0..grid {
             if self.interrupt.is_raised() {
@@ -88,7 +88,7 @@ impl PointsLikelihood<'_> {
 
     /// One step of s^2 and c towards their most likely values.
     pub(super) fn updated(&self, (variance, inliers): ([f64; 2], f64), mixture: &Mixture) -> Mixture {
-        let [least, most] = [SIGMA[0], self.most_noise].map(|share| share * self.size);
+        let [least, most] = self.noise.map(|share| share * self.size);
         let [square, weight] = variance;
         let variance = if weight > 0.0 { square / weight } else { mixture.sigma * mixture.sigma };
         let sigma = variance.max(0.1 * mixture.sigma * mixture.sigma).sqrt().clamp(least, most);
