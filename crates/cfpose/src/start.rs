@@ -60,7 +60,7 @@ pub struct StartEntry {
 }
 
 /// All start strategies of the library.
-pub const ALL: &[&StartEntry] = 
+pub const ALL: &[&StartEntry] =
     &[&identity::ENTRY, &pca::ENTRY, &grid::ENTRY, &whitened_affine::ENTRY, &local_features::ENTRY];
 
 /// The parameter `reflections` of strategies that choose signs.

@@ -6,7 +6,9 @@ use std::f64::consts::TAU;
 
 use cfpose::start::StartContext;
 use cfpose::theta::rotation_of_euler;
-use cfpose::{BuildContext, Estimate, Estimator, Execution, Points, Pose, PoseError, Registry, Settings, Supervision, Verdict};
+use cfpose::{
+    BuildContext, Estimate, Estimator, Execution, Points, Pose, PoseError, Registry, Settings, Supervision, Verdict,
+};
 use common::noisy;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha12Rng;
@@ -14,8 +16,7 @@ use rand_distr::StandardNormal;
 
 fn solve(settings: &Settings, source: &[[f64; 3]], target: &[[f64; 3]]) -> Estimate {
     let [source, target] = [source, target].map(|rows| Points::from_rows(rows).unwrap());
-    let estimator =
-        Estimator::new(&Registry::default(), settings, &source, &target, &Execution::default()).unwrap();
+    let estimator = Estimator::new(&Registry::default(), settings, &source, &target, &Execution::default()).unwrap();
     estimator.solve(Supervision::default()).unwrap()
 }
 
@@ -100,7 +101,10 @@ fn local_features_propose_the_pose_of_halves_that_overlap() {
 
 #[test]
 fn local_features_are_for_rigid_motions() {
-    let settings = Settings { start: Some(cfpose::Start::Named("local-features".into())), ..Settings::preset("auto", "affine3").unwrap() };
+    let settings = Settings {
+        start: Some(cfpose::Start::Named("local-features".into())),
+        ..Settings::preset("auto", "affine3").unwrap()
+    };
     let rows = Bumpy::new(1).draw(300, &mut ChaCha12Rng::seed_from_u64(1));
     let points = Points::from_rows(&rows).unwrap();
     let estimator = Estimator::new(&Registry::default(), &settings, &points, &points, &Execution::default()).unwrap();
@@ -169,12 +173,12 @@ fn noise_beside_a_cusp_is_no_misfit() {
     };
     let source: Vec<[f64; 2]> = (0..2000).map(|k| heart(TAU * f64::from(k) / 2000.0)).collect();
     let (sin, cos) = 0.3_f64.sin_cos();
-    let image: Vec<[f64; 2]> = source.iter().map(|p| [cos * p[0] - sin * p[1] + 0.1, sin * p[0] + cos * p[1]]).collect();
+    let image: Vec<[f64; 2]> =
+        source.iter().map(|p| [cos * p[0] - sin * p[1] + 0.1, sin * p[0] + cos * p[1]]).collect();
     let source = Points::from_rows(&source).unwrap();
     let target = noisy(&Points::from_rows(&image).unwrap(), cfpose::model::PointKind::Plain(2), 0.04, &mut rng);
     let settings = Settings::preset("auto", "rigid2").unwrap();
-    let estimator =
-        Estimator::new(&Registry::default(), &settings, &source, &target, &Execution::default()).unwrap();
+    let estimator = Estimator::new(&Registry::default(), &settings, &source, &target, &Execution::default()).unwrap();
     let estimate = estimator.solve(Supervision::default()).unwrap();
     assert_eq!(estimate.verdict, Some(Verdict::Good), "{:?}", estimate.warnings);
     assert!(estimate.evidence.unwrap().coherence < 0.25, "{:?}", estimate.evidence);

@@ -65,7 +65,8 @@ impl Reader<'_> {
         };
         self.known_keys(place, table, &["by", "across"])?;
         let names = |key: &str| {
-            let wrong = || self.value_error(place, format!("`{key}`: expected a list of names of parameters in quotes"));
+            let wrong =
+                || self.value_error(place, format!("`{key}`: expected a list of names of parameters in quotes"));
             let list = match table.get(key) {
                 None => return Ok(Vec::new()),
                 Some(value) => value.as_array().ok_or_else(wrong)?,

@@ -58,7 +58,8 @@ pub(super) fn agreed(matches: &[Match<'_>], dim: usize, size: f64, keep: usize) 
     for (_, motion) in found {
         let differs = |other: &Motion| {
             let turned = other.0.iter().zip(&motion.0).map(|(a, b)| (a - b).powi(2)).sum::<f64>() > limit;
-            let moved = other.1.iter().zip(&motion.1).map(|(a, b)| (a - b).powi(2)).sum::<f64>().sqrt() > ONE_POSE * size;
+            let moved =
+                other.1.iter().zip(&motion.1).map(|(a, b)| (a - b).powi(2)).sum::<f64>().sqrt() > ONE_POSE * size;
             turned || moved
         };
         if kept.len() < keep && kept.iter().all(differs) {
@@ -94,9 +95,8 @@ impl Compatible {
 
     /// Return the matches that are compatible with one and have most compatible matches in common with it.
     fn companions(&self, i: usize, count: usize) -> Vec<usize> {
-        let common = |k: usize| -> u32 {
-            self.rows[i].iter().zip(&self.rows[k]).map(|(a, b)| (a & b).count_ones()).sum()
-        };
+        let common =
+            |k: usize| -> u32 { self.rows[i].iter().zip(&self.rows[k]).map(|(a, b)| (a & b).count_ones()).sum() };
         let are = (0..self.rows.len()).filter(|k| self.rows[i][k / 64] >> (k % 64) & 1 == 1);
         let mut all: Vec<(u32, usize)> = are.map(|k| (common(k), k)).collect();
         all.sort_by(|a, b| b.0.cmp(&a.0).then(a.1.cmp(&b.1)));
@@ -189,7 +189,8 @@ mod tests {
     fn the_motion_behind_a_third_of_the_matches_comes_first() {
         let (sin, cos) = 2.0_f64.sin_cos();
         let truth = [cos, -sin, 0.0, sin, cos, 0.0, 0.0, 0.0, 1.0];
-        let turned = |x: &[f64; 3]| -> [f64; 3] { std::array::from_fn(|i| (0..3).map(|k| truth[3 * i + k] * x[k]).sum()) };
+        let turned =
+            |x: &[f64; 3]| -> [f64; 3] { std::array::from_fn(|i| (0..3).map(|k| truth[3 * i + k] * x[k]).sum()) };
         let place = |k: usize| crate::start::direction_grid(60)[k];
         let region = |at: [f64; 3], normal: [f64; 3]| SpinImage { at, normal, image: Vec::new() };
         let sources: Vec<SpinImage> = (0..60).map(|k| region(place(k), place((7 * k) % 60))).collect();
@@ -197,8 +198,7 @@ mod tests {
             .map(|k| if k % 3 == 0 { k } else { (11 * k + 5) % 60 })
             .map(|k| region(turned(&sources[k].at).map(|v| v + 0.5), turned(&sources[k].normal)))
             .collect();
-        let matches: Vec<Match<'_>> =
-            sources.iter().zip(&targets).map(|(from, to)| Match { from, to }).collect();
+        let matches: Vec<Match<'_>> = sources.iter().zip(&targets).map(|(from, to)| Match { from, to }).collect();
         let motions = agreed(&matches, 3, 1.0, 5);
         let (a, b) = &motions[0];
         assert!(a.iter().zip(&truth).all(|(u, v)| (u - v).abs() < 1e-9), "{a:?}");

@@ -28,13 +28,15 @@ impl StartStrategy for LocalFeatures {
     /// Regions are matched by their spin images, a pose is proposed for each large set of matches that one rigid motion explains.
     fn starts(&self, context: &StartContext<'_>) -> Result<Vec<Vec<f64>>, Error> {
         let Some(group) = context.model.linear.as_ref().filter(|group| group.kind == LinearKind::Rotation) else {
-            let problem = "start `local-features` needs a rigid motion of the plane or of space; use pca, grid or a theta";
+            let problem =
+                "start `local-features` needs a rigid motion of the plane or of space; use pca, grid or a theta";
             return Err(Error::Unsupported(problem.into()));
         };
         let side = |side: Side, points: &Points| {
             let points = inhomogeneous(side, points, group.dim)?;
             let mut rng = crate::streams::stream(context.seed, "local features");
-            crate::distances::sampling::draw(&points, LOOKED_AT, &mut rng).map_err(|problem| Error::Points { side, problem })
+            crate::distances::sampling::draw(&points, LOOKED_AT, &mut rng)
+                .map_err(|problem| Error::Points { side, problem })
         };
         let (source, target) = (side(Side::Source, context.source)?, side(Side::Target, context.target)?);
         // Of parts of one shape the smaller one is closer to what both show.
