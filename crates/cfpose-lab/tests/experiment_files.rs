@@ -163,7 +163,7 @@ fn the_experiment_of_table_1_is_the_papers() {
     let text = include_str!("../../../experiments/table1.toml");
     let experiment = parse(text).unwrap();
     let plan = Plan::new(&Lab::default(), &experiment).unwrap();
-    assert_eq!((plan.cells.len(), plan.num_records(), experiment.published.len()), (12, 12_000, 12));
+    assert_eq!((plan.cells.len(), plan.num_records(), experiment.published.len()), (12, 2_400, 12));
     let table = published_tables(&experiment, &summarise(&plan, &[]));
     assert_eq!(table.lines().filter(|line| line.contains("paper |")).count(), 12, "{table}");
 }

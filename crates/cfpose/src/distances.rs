@@ -3,6 +3,7 @@
 //! Everything here works on points mapped into the feature space and their derivatives along theta, so that every model
 //! takes part without further code.
 
+pub(crate) mod consistent;
 pub(crate) mod correspondence;
 mod density;
 pub(crate) mod likelihood;

@@ -8,7 +8,6 @@ use crate::geometry::free::Freedom;
 use crate::geometry::theta::{euler_of_rotation, rotation_of_euler};
 use crate::model::Model;
 
-mod consistent;
 mod grid;
 mod identity;
 mod local_features;

@@ -136,6 +136,13 @@ fn by_points(candidate: &Candidate, criteria: &Criteria) -> Vec<(String, Weight)
         let weight = if evidence.is_part_enough(criteria) { Weight::Note } else { Weight::Doubt };
         reasons.push((format!("partial overlap: {share:.0} % of the source has no target near it"), weight));
     }
+    if evidence.unseen_target > criteria.unseen && evidence.noise > criteria.clear_noise {
+        let (share, noise) = (100.0 * evidence.unseen_target, 100.0 * evidence.noise);
+        let text = format!(
+            "{share:.0} % of the target are outliers or a part that the source lacks: a noise of {noise:.1} % of the size hides where it ends"
+        );
+        reasons.push((text, Weight::Doubt));
+    }
     if evidence.unseen_target > criteria.max_clutter && candidate.clutter.is_none() {
         let share = 100.0 * evidence.unseen_target;
         let doubt = candidate.unexplained.is_none_or(|share| share > criteria.max_clutter);

@@ -1,7 +1,7 @@
 //! Local features of the shape: poses that several matched regions agree on. A part that both sides show is enough.
 
-use super::consistent::{Match, agreed};
 use super::{StartContext, StartEntry, StartStrategy, inhomogeneous};
+use crate::distances::consistent::{Match, agreed};
 use crate::distances::spin::{SpinImage, spin_images};
 use crate::entry::ParameterSpec;
 use crate::error::{Error, Side};

@@ -9,7 +9,7 @@ use crate::distances::spin::SpinImage;
 use crate::geometry::linalg::symmetric_eigen_any;
 
 /// A region of the source that may be a region of the target.
-pub(super) struct Match<'a> {
+pub(crate) struct Match<'a> {
     /// Region of the source.
     pub from: &'a SpinImage,
     /// Region of the target.
@@ -33,7 +33,7 @@ const ONE_POSE: f64 = 0.2;
 type Motion = (Vec<f64>, Vec<f64>);
 
 /// Return at most `keep` motions that differ, those that explain most matches first; `size` is that of the shape.
-pub(super) fn agreed(matches: &[Match<'_>], dim: usize, size: f64, keep: usize) -> Vec<Motion> {
+pub(crate) fn agreed(matches: &[Match<'_>], dim: usize, size: f64, keep: usize) -> Vec<Motion> {
     let compatible = Compatible::new(matches, size);
     let mut by_degree: Vec<(usize, usize)> = (0..matches.len()).map(|i| (compatible.degree(i), i)).collect();
     by_degree.sort_by(|a, b| b.0.cmp(&a.0).then(a.1.cmp(&b.1)));
@@ -191,7 +191,8 @@ mod tests {
         let truth = [cos, -sin, 0.0, sin, cos, 0.0, 0.0, 0.0, 1.0];
         let turned =
             |x: &[f64; 3]| -> [f64; 3] { std::array::from_fn(|i| (0..3).map(|k| truth[3 * i + k] * x[k]).sum()) };
-        let place = |k: usize| crate::start::direction_grid(60)[k];
+        let grid = crate::start::direction_grid(60);
+        let place = |k: usize| grid[k];
         let region = |at: [f64; 3], normal: [f64; 3]| SpinImage { at, normal, image: Vec::new() };
         let sources: Vec<SpinImage> = (0..60).map(|k| region(place(k), place((7 * k) % 60))).collect();
         let targets: Vec<SpinImage> = (0..60)
