@@ -279,7 +279,9 @@ impl Search<'_> {
             scored.extend(aligned.and_then(|(_, theta)| score(coarse, theta)));
         }
         let target = &self.last().sides.mapped_target;
-        scored.extend(self.from_parts(target)?.iter().map(adopt).filter_map(|theta| self.brought_near(coarse, &theta)));
+        scored.extend(
+            self.proposed_by_parts(target)?.iter().map(adopt).filter_map(|theta| self.brought_near(coarse, &theta)),
+        );
         scored.extend(self.best_of(coarse, self.everywhere()?));
         scored.retain(|(value, theta)| value.is_finite() && self.is_plausible(theta));
         Ok(scored)
@@ -315,7 +317,7 @@ impl Search<'_> {
     }
 
     /// Return thetas that a part of the source and a part of `target` propose together.
-    pub(super) fn from_parts(&self, target: &Points) -> Result<Vec<Vec<f64>>, Error> {
+    pub(super) fn proposed_by_parts(&self, target: &Points) -> Result<Vec<Vec<f64>>, Error> {
         let Some(name) = self.pipeline.points.as_ref().and_then(|points| points.parts.as_ref()) else {
             return Ok(Vec::new());
         };

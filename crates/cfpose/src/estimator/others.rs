@@ -74,7 +74,7 @@ impl Search<'_> {
         let coarse = PointsLikelihood::new(&stage.problem, &source, target.rows(), NEIGHBOURS[0]);
         let Some(coarse) = coarse.map(|coarse| coarse.with_interrupt(self.interrupt)) else { return Ok(Vec::new()) };
         let mut scored = self.best_of(&coarse, self.all_over(&target)?);
-        let adopted = self.from_parts(rest)?;
+        let adopted = self.proposed_by_parts(rest)?;
         let adopted = adopted.iter().map(|theta| stage.adopt(theta, self.parts));
         scored.extend(adopted.filter_map(|theta| self.brought_near(&coarse, &theta)));
         scored.retain(|(value, theta)| value.is_finite() && self.is_plausible(theta));
