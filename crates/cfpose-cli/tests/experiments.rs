@@ -74,6 +74,19 @@ fn a_report_writes_for_papers_and_pages() {
     desk.json("report e --docs page.md");
     assert_eq!(desk.read("page.md"), format!("{page}\nAfter.\n"));
     assert!(desk.fails(2, "report e --docs e/results.csv").contains("would overwrite"));
+    // Cells that agree in what `[page]` names are pooled: both curves of 2 trials make a row of 4; across them a column each.
+    let file = desk.read("e.toml");
+    for (keys, header, row) in [
+        ("by = [\"scenario\"]", "|     scenario |  method | trials |", "| planar-curve |   paper |      4 |"),
+        ("across = [\"curve\"]", "|  method |      heart |", " of 2 ("),
+    ] {
+        desk.write("p.toml", format!("{file}\n[page]\n{keys}\n"));
+        desk.json("run p.toml --out p");
+        desk.json("report p --docs pooled.md");
+        let page = desk.read("pooled.md");
+        assert!(page.contains(header) && page.contains(row), "{page}");
+        std::fs::remove_dir_all(desk.path("p")).unwrap();
+    }
     let statistics: serde_json::Value = serde_json::from_str(&desk.read("e/statistics.json")).unwrap();
     let wilcoxon = statistics.as_array().unwrap().iter().find(|entry| entry["statistic"] == "wilcoxon").unwrap();
     assert_eq!((&wilcoxon["cell"], &wilcoxon["rows"][0][2]), (&json!(""), &json!(4)));

@@ -113,6 +113,17 @@ fn local_features_are_for_rigid_motions() {
 }
 
 #[test]
+fn a_start_that_proposes_nothing_says_so() {
+    let few = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 2.0, 0.0], [0.0, 0.0, 3.0]];
+    let points = Points::from_rows(&few).unwrap();
+    let start = Some(cfpose::Start::Named("local-features".into()));
+    let settings = Settings { start, ..Settings::preset("paper", "rigid3").unwrap() };
+    let estimator = Estimator::new(&Registry::default(), &settings, &points, &points, &Execution::default()).unwrap();
+    let error = estimator.solve(Supervision::default()).unwrap_err().to_string();
+    assert!(error.contains("`local-features` proposes nothing") && error.contains("another start"), "{error}");
+}
+
+#[test]
 fn halves_that_overlap_are_found_from_any_rotation_and_never_wrong_and_good() {
     let mut right = 0;
     for seed in 10..16 {

@@ -206,9 +206,9 @@ fn units_and_offsets_change_nothing() {
 #[test]
 fn exact_small_sets_are_good_and_unrelated_ones_never() {
     let (mut good, mut trials) = (0, 0);
-    for seed in 0..10 {
+    for seed in 0..24 {
         let mut rng = ChaCha12Rng::seed_from_u64(300 + seed);
-        let count = 8 + 2 * seed as usize;
+        let count = 8 + 2 * (seed as usize % 12);
         let mut cloud =
             || (0..count).map(|_| std::array::from_fn(|_| rng.random_range(-1.0..1.0))).collect::<Vec<[f64; 3]>>();
         let (source, other) = (cloud(), cloud());
@@ -225,5 +225,5 @@ fn exact_small_sets_are_good_and_unrelated_ones_never() {
         let unrelated = solve(&auto("rigid3"), &points, &placed(&other, &pose())).unwrap();
         assert_ne!(unrelated.verdict, Some(Verdict::Good), "{count} unrelated points");
     }
-    assert!(good >= 9, "{good} of {trials} exact sets are good");
+    assert!(10 * good >= 9 * trials, "{good} of {trials} exact sets are good");
 }

@@ -184,6 +184,19 @@ fn rotation_of(s: &[[f64; 3]; 3]) -> Option<Vec<f64>> {
 mod tests {
     use super::*;
 
+    #[test]
+    fn a_fit_in_the_plane_turns_and_moves() {
+        let (sin, cos) = 0.7_f64.sin_cos();
+        let region = |x: f64, y: f64| SpinImage { at: [x, y, 0.0], normal: [1.0, 0.0, 0.0], image: Vec::new() };
+        let places = [(0.0, 0.0), (1.0, 0.0), (0.3, 2.0)];
+        let sources = places.map(|(x, y)| region(x, y));
+        let targets = places.map(|(x, y)| region(cos * x - sin * y + 3.0, sin * x + cos * y - 1.0));
+        let matches: Vec<Match<'_>> = sources.iter().zip(&targets).map(|(from, to)| Match { from, to }).collect();
+        let (a, b) = fit(&matches, &[0, 1, 2], 2).unwrap();
+        let expected = [cos, -sin, sin, cos, 3.0, -1.0];
+        assert!(a.iter().chain(&b).zip(&expected).all(|(u, v)| (u - v).abs() < 1e-12), "{a:?} {b:?}");
+    }
+
     /// Matches of which a third is right, of a motion that turns by 2 radians.
     #[test]
     fn the_motion_behind_a_third_of_the_matches_comes_first() {

@@ -352,15 +352,11 @@ impl<'a> PointsLikelihood<'a> {
     /// Return for every one of other points of the target, so many that no lists of neighbours are kept, the probability that it is no
     /// clutter.
     pub fn responsibilities_of(&self, placed: &Placed, mixture: &Mixture, points: &[[f64; 3]]) -> Vec<f64> {
-        let (tree, kernels) =
-            (Neighbours::new(placed.mapped.x.clone(), placed.mapped.dim), self.kernels(placed, mixture));
-        let (mut near, mut distances, mut shares) = (Vec::new(), Vec::new(), vec![0.0; placed.each]);
+        let (mut nearby, kernels, mut shares) =
+            (Nearby::new(placed), self.kernels(placed, mixture), vec![0.0; placed.each]);
         let of = |q: &[f64; 3]| {
-            near.clear();
-            near.extend(tree.nearest_n(q, placed.each).iter().map(|found| found.index as u32));
-            distances.clear();
-            distances.extend(near.iter().map(|k| placed.distance(q, *k as usize)));
-            kernels.shares(&near, &distances, &mut shares).1
+            let (near, distances) = nearby.of(q);
+            kernels.shares(near, distances, &mut shares).1
         };
         points.iter().map(of).collect()
     }
@@ -370,6 +366,31 @@ impl<'a> PointsLikelihood<'a> {
         let kernels = self.kernels(placed, mixture);
         let mut shares = vec![0.0; placed.each];
         (0..self.target.len()).map(|j| kernels.responsibilities(placed, j, &mut shares).1).collect()
+    }
+}
+
+/// The placed source with a search tree: for points of which no lists of neighbours are kept.
+struct Nearby<'a> {
+    placed: &'a Placed,
+    tree: Neighbours,
+    near: Vec<u32>,
+    distances: Vec<[f64; 2]>,
+}
+
+impl<'a> Nearby<'a> {
+    fn new(placed: &'a Placed) -> Self {
+        let tree = Neighbours::new(placed.mapped.x.clone(), placed.mapped.dim);
+        Self { placed, tree, near: Vec::new(), distances: Vec::new() }
+    }
+
+    /// Return the nearest source points of a point, and its distances from them ([`Placed::distance`]).
+    fn of(&mut self, q: &[f64; 3]) -> (&[u32], &[[f64; 2]]) {
+        let placed = self.placed;
+        self.near.clear();
+        self.near.extend(self.tree.nearest_n(q, placed.each).iter().map(|found| found.index as u32));
+        self.distances.clear();
+        self.distances.extend(self.near.iter().map(|k| placed.distance(q, *k as usize)));
+        (&self.near, &self.distances)
     }
 }
 

@@ -98,7 +98,7 @@ impl Search<'_> {
         let (Some(coarse), Some(fine)) = (coarse, fine) else { return Ok(None) };
         let coarse = coarse.with_noise_above(COARSE_NOISE);
         let aligned = self.aligned(&coarse, found, given)?;
-        let Some(modes) = self.modes_among(&coarse, &fine, aligned.clone(), given) else { return Ok(None) };
+        let Some(modes) = self.modes_among(&coarse, &fine, aligned.clone(), given)? else { return Ok(None) };
         let first = &modes.all[0].fit;
         if !self.is_misfit(&fine, first) {
             return Ok(Some(modes));
@@ -106,7 +106,7 @@ impl Search<'_> {
         let most = LESS_NOISE * first.mixture.sigma / fine.size;
         let (coarse, fine) = (coarse.with_noise_below(most), fine.with_noise_below(most));
         let again = aligned.into_iter().filter_map(|(_, theta)| score(&coarse, theta)).collect();
-        let exact = self.modes_among(&coarse, &fine, again, given);
+        let exact = self.modes_among(&coarse, &fine, again, given)?;
         let tests = fine.mover.tangent() as f64 * (std::f64::consts::TAU / EXACT).ln();
         let least = tests - self.parts.criteria.false_alarms * std::f64::consts::LN_10;
         let exact = exact.filter(|exact| exact.gain > least && !self.is_misfit(&fine, &exact.all[0].fit));
@@ -120,9 +120,9 @@ impl Search<'_> {
         fine: &PointsLikelihood<'_>,
         starts: Vec<(f64, Vec<f64>)>,
         given: &[Vec<f64>],
-    ) -> Option<Modes> {
+    ) -> Result<Option<Modes>, Error> {
         if self.interrupt.is_raised() {
-            return None;
+            return Ok(None);
         }
         let roughly = self.ascended(coarse, self.worth_polishing(starts, self.parts.criteria.ascended));
         let mut fits: Vec<Fit> = Vec::new();
@@ -146,9 +146,9 @@ impl Search<'_> {
         }
         fits.iter_mut().for_each(|fit| self.add_prior(fit));
         let mut all = self.completed(fine, self.distinct(fine, fits));
-        self.add_others(fine, &mut all);
+        self.add_others(fine, &mut all)?;
         let gain = all.first().map_or(0.0, |mode| mode.fit.log_likelihood - fine.chance());
-        (!all.is_empty()).then_some(Modes { all, gain, most_noise: None })
+        Ok((!all.is_empty()).then_some(Modes { all, gain, most_noise: None }))
     }
 
     fn is_misfit(&self, fine: &PointsLikelihood<'_>, fit: &Fit) -> bool {
@@ -321,6 +321,9 @@ impl Search<'_> {
         let Some(name) = self.pipeline.points.as_ref().and_then(|points| points.parts.as_ref()) else {
             return Ok(Vec::new());
         };
+        if self.interrupt.is_raised() {
+            return Ok(Vec::new());
+        }
         let stage = self.last();
         self.proposals_for(name, stage, &stage.sides.source, target)
     }

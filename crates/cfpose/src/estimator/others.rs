@@ -20,17 +20,18 @@ impl Search<'_> {
     /// Add the modes that the unexplained rest of the target proposes. Two copies of the source are equally likely, and only one of them
     /// is near the starts that the whole target proposes.
     ///
-    /// Nothing is added where the rest cannot be looked at; modes are compared on the whole target, like all others.
-    pub fn add_others(&self, fine: &PointsLikelihood<'_>, all: &mut Vec<Mode>) {
-        let Ok(Some(rest)) = self.rest(fine, all) else { return };
+    /// Modes are compared on the whole target, like all others.
+    pub fn add_others(&self, fine: &PointsLikelihood<'_>, all: &mut Vec<Mode>) -> Result<(), Error> {
+        let Some(rest) = self.rest(fine, all)? else { return Ok(()) };
         let best = all.first().map_or(f64::NEG_INFINITY, |mode| mode.fit.log_likelihood);
-        for theta in self.proposed_by(&rest).unwrap_or_default() {
+        for theta in self.proposed_by(&rest)? {
             let fit = fine.ascend(&theta, Kernel::Shape, 30, best);
             if let Some(mut fit) = fit.filter(|fit| self.is_usable(fit)) {
                 self.add_prior(&mut fit);
                 self.insert(fine, fit, all);
             }
         }
+        Ok(())
     }
 
     /// Return the share of the target that neither a mode nor those that the data cannot tell from it explain; `None` where there are none.

@@ -149,7 +149,15 @@ impl<'a> Search<'a> {
         let settings = &self.parts.settings;
         match &settings.start {
             Some(Start::Given(thetas)) => Ok(thetas.clone()),
-            Some(Start::Named(name)) => self.proposals(name, self.stages.first()),
+            Some(Start::Named(name)) => {
+                let starts = self.proposals(name, self.stages.first())?;
+                if starts.is_empty() {
+                    let problem =
+                        format!("start `{name}` proposes nothing for these points; use another start or a theta");
+                    return Err(Error::Unsupported(problem));
+                }
+                Ok(starts)
+            }
             None if self.parts.prior.is_some() => {
                 Ok(self.parts.prior.iter().map(|prior| self.parts.hold(prior.theta())).collect())
             }

@@ -136,8 +136,11 @@ fn by_points(candidate: &Candidate, criteria: &Criteria) -> Vec<(String, Weight)
         let weight = if evidence.is_part_enough(criteria) { Weight::Note } else { Weight::Doubt };
         reasons.push((format!("partial overlap: {share:.0} % of the source has no target near it"), weight));
     }
-    if evidence.unseen_target > criteria.unseen && evidence.noise > criteria.clear_noise {
-        let (share, noise) = (100.0 * evidence.unseen_target, 100.0 * evidence.noise);
+    // Target points that another theta explains, which is as good, are no outliers.
+    let unexplained = candidate.unexplained.unwrap_or(evidence.unseen_target);
+    // The means of the same points see a missing part in J.
+    if candidate.by == By::Points && unexplained > criteria.unseen && evidence.noise > criteria.clear_noise {
+        let (share, noise) = (100.0 * unexplained, 100.0 * evidence.noise);
         let text = format!(
             "{share:.0} % of the target are outliers or a part that the source lacks: a noise of {noise:.1} % of the size hides where it ends"
         );
@@ -145,8 +148,7 @@ fn by_points(candidate: &Candidate, criteria: &Criteria) -> Vec<(String, Weight)
     }
     if evidence.unseen_target > criteria.max_clutter && candidate.clutter.is_none() {
         let share = 100.0 * evidence.unseen_target;
-        let doubt = candidate.unexplained.is_none_or(|share| share > criteria.max_clutter);
-        let weight = if doubt { Weight::Doubt } else { Weight::Note };
+        let weight = if unexplained > criteria.max_clutter { Weight::Doubt } else { Weight::Note };
         reasons.push((format!("{share:.0} % of the target points are outliers"), weight));
     }
     let equal = candidate.modes.iter().filter(|mode| mode.behind.is_equal(criteria)).count();

@@ -5,8 +5,7 @@ use rand_chacha::ChaCha12Rng;
 use rand_distr::StandardNormal;
 
 use super::kernels::Precision;
-use super::{Mixture, NEGLIGIBLE, Placed, PointsLikelihood};
-use crate::distances::neighbours::Neighbours;
+use super::{Mixture, NEGLIGIBLE, Nearby, Placed, PointsLikelihood};
 use crate::distances::regions;
 use crate::streams::stream;
 
@@ -29,13 +28,13 @@ impl PointsLikelihood<'_> {
     /// What to expect is measured on as many points that are drawn from the mixture itself (a parametric bootstrap): beside a cusp, and where
     /// the noise reaches over the bends of the shape, neighbours miss its normals together although nothing is wrong.
     pub fn coherence(&self, placed: &Placed, mixture: &Mixture) -> f64 {
-        let nearby = Nearby::new(placed);
-        let (misses, drawn) = self.misses(&nearby, mixture, &self.target, &mut stream(0, "coherence"));
+        let mut nearby = Nearby::new(placed);
+        let (misses, drawn) = self.misses(&mut nearby, mixture, &self.target, &mut stream(0, "coherence"));
         let share = common(misses);
         if share <= 0.0 {
             return 0.0;
         }
-        let (misses, _) = self.misses(&nearby, mixture, &drawn, &mut stream(0, "coherence of coherence"));
+        let (misses, _) = self.misses(&mut nearby, mixture, &drawn, &mut stream(0, "coherence of coherence"));
         let expected = common(misses);
         ((share - expected) / (1.0 - expected).max(f64::EPSILON)).clamp(0.0, 1.0)
     }
@@ -44,7 +43,7 @@ impl PointsLikelihood<'_> {
     /// each of them a draw from one of its kernels.
     fn misses(
         &self,
-        nearby: &Nearby<'_>,
+        nearby: &mut Nearby<'_>,
         mixture: &Mixture,
         points: &[[f64; 3]],
         rng: &mut ChaCha12Rng,
@@ -55,14 +54,14 @@ impl PointsLikelihood<'_> {
         let (mut misses, mut drawn) = (Vec::with_capacity(points.len()), Vec::with_capacity(points.len()));
         for q in points {
             let (near, distances) = nearby.of(q);
-            let (_, inlier) = kernels.shares(&near, &distances, &mut shares);
+            let (_, inlier) = kernels.shares(near, distances, &mut shares);
             if inlier < 0.5 {
                 continue;
             }
             let mut vector = [0.0; 3];
             let mut left = inlier * rng.random::<f64>();
             let mut from = near[0] as usize;
-            for ((share, k), [on, _]) in shares.iter().zip(&near).zip(&distances) {
+            for ((share, k), [on, _]) in shares.iter().zip(near).zip(distances) {
                 let frame = &placed.frames[*k as usize];
                 if left > 0.0 {
                     from = *k as usize;
@@ -77,23 +76,6 @@ impl PointsLikelihood<'_> {
             drawn.push(draw(placed, mixture, from, rng));
         }
         (misses, drawn)
-    }
-}
-
-/// The placed source with a search tree, for points of which no lists are kept.
-struct Nearby<'a> {
-    placed: &'a Placed,
-    tree: Neighbours,
-}
-
-impl<'a> Nearby<'a> {
-    fn new(placed: &'a Placed) -> Self {
-        Self { placed, tree: Neighbours::new(placed.mapped.x.clone(), placed.mapped.dim) }
-    }
-
-    fn of(&self, q: &[f64; 3]) -> (Vec<u32>, Vec<[f64; 2]>) {
-        let near = self.tree.nearest_n(q, self.placed.each);
-        near.iter().map(|found| (found.index as u32, self.placed.distance(q, found.index))).unzip()
     }
 }
 
