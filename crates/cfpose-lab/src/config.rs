@@ -406,7 +406,12 @@ impl Reader<'_> {
             }
         }
         if let Some(name) = experiment.page.as_ref().and_then(|page| page.unknown(experiment)) {
-            return Err(self.value_error("[page]", format!("no scenario has a parameter `{name}`")));
+            let known = experiment.scenarios.iter().flat_map(|grid| grid.axes.iter().map(|(axis, _)| axis.as_str()));
+            let hint = match suggest(name, known).first() {
+                Some(near) => format!("did you mean `{near}`?"),
+                None => "`cfpose list scenarios` shows them".to_string(),
+            };
+            return Err(self.value_error("[page]", format!("no scenario has a parameter `{name}`; {hint}")));
         }
         let cells = experiment.cells();
         for published in &experiment.published {
