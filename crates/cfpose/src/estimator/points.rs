@@ -42,8 +42,7 @@ impl Evidence {
     /// to make one part look like another.
     pub(super) fn is_part_enough(&self, criteria: &Criteria) -> bool {
         let is_clear = self.second_mode_deviations >= criteria.clear_deviations && self.noise <= criteria.clear_noise;
-        let fits = self.coherence <= criteria.misfit || self.coherence.sqrt() * self.noise <= criteria.clear_misfit;
-        is_clear && fits && self.unseen_source <= criteria.unseen_clear && self.unseen_target <= criteria.unseen_clear
+        is_clear && self.unseen_source <= criteria.unseen_clear && self.unseen_target <= criteria.unseen_clear
     }
 }
 

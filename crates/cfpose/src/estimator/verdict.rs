@@ -125,7 +125,7 @@ fn by_points(candidate: &Candidate, criteria: &Criteria) -> Vec<(String, Weight)
         let text = format!("the points determine theta to {deviation:.3} only (radians and sizes of the source)");
         reasons.push((text, Weight::Doubt));
     }
-    if criteria.is_misfit(evidence.coherence, evidence.noise) {
+    if criteria.is_doubtful(evidence.coherence, evidence.noise) {
         let share = 100.0 * evidence.coherence;
         let text =
             format!("neighbouring points miss the shape together ({share:.0} % of the variance of their distances)");
