@@ -86,9 +86,8 @@ fn run(
     );
     let text = if right || !possible { text } else { format!("{text} | {}", from_truth(&estimator, scenario, &trial)) };
     let right = right && (trial.determined == Determined::Theta || verdict != "good");
-    let listed = (!trial.equally_true.is_empty()).then(|| listed(scenario, layout, &estimate, &trial));
-    let has_free = trial.determined == Determined::InPart && listed.is_none();
-    let named = has_free.then_some(!estimate.undetermined.is_empty());
+    let listed = (trial.determined == Determined::OneOfSeveral).then(|| listed(scenario, layout, &estimate, &trial));
+    let named = (trial.determined == Determined::ButADirection).then_some(!estimate.undetermined.is_empty());
     let text = listed.map_or(text.clone(), |(found, all)| format!("{text} | listed {found} of {all}"));
     Ok(Line { number, text, verdict, right, gross: error > 0.3, possible, large, seconds, squared, listed, named })
 }
@@ -203,7 +202,7 @@ fn summary(lines: &[Line]) {
         let (found, there) = symmetric.iter().fold((0, 0), |(a, b), (x, y)| (a + x, b + y));
         let few = symmetric.iter().map(|(listed, _)| *listed).min().unwrap_or(0);
         println!(
-            "symmetric: called good (the pattern of the points decides) {}; of {} others that are right every pose listed in {complete} ({:.1} %), of all poses {:.1} %, fewest {few}",
+            "symmetric: called good {}; of {} others that are right every pose listed in {complete} ({:.1} %), of all poses {:.1} %, fewest {few}",
             count(&|l| l.listed.is_some() && good(l)),
             symmetric.len(),
             percent(complete, symmetric.len()),

@@ -40,8 +40,10 @@ pub enum Determined {
     /// One theta.
     #[default]
     Theta,
-    /// One of several thetas, or theta but for a direction: an estimate may be right, but is never `good`.
-    InPart,
+    /// One of several thetas: an estimate may be right, but is never `good`, and lists the others.
+    OneOfSeveral,
+    /// Theta but for a direction: an estimate may be right, but is never `good`, and names the direction.
+    ButADirection,
     /// Nothing: the target is another shape, and every estimate is wrong.
     Nothing,
 }

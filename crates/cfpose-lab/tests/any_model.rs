@@ -69,7 +69,7 @@ fn the_truth_of_every_model_explains_exact_data() {
             for other in &trial.equally_true {
                 assert!(cost(other) < 1e-20, "{model}");
             }
-            assert_eq!(trial.determined == Determined::InPart, model == "plane-homography");
+            assert_eq!(trial.determined == Determined::OneOfSeveral, model == "plane-homography");
         }
     }
 }

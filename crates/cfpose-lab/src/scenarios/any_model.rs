@@ -181,7 +181,7 @@ impl Scenario for AnyModel {
         let success = if self.metrics == POSE { POSE_SUCCESS } else { Success::Metric(self.tolerance) };
         let mut trial = Trial::new(source, target, far(&theta), success);
         trial.equally_true = view.equally_true(&theta).iter().map(|theta| far(theta)).collect();
-        trial.determined = if trial.equally_true.is_empty() { Determined::Theta } else { Determined::InPart };
+        trial.determined = if trial.equally_true.is_empty() { Determined::Theta } else { Determined::OneOfSeveral };
         Ok(match self.truth.start {
             Start::None => trial,
             Start::Identity => trial.with_start(view.model.identity.clone()),

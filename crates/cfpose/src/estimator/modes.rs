@@ -50,6 +50,11 @@ impl Behind {
     pub fn is_equal(&self, criteria: &Criteria) -> bool {
         self.nats < criteria.mode_nats || self.deviations < criteria.mode_deviations
     }
+
+    /// Say whether the other may turn out to be equal once it stands better: without noise a small step is worth many nats.
+    pub fn may_be_equal(&self, criteria: &Criteria) -> bool {
+        self.is_equal(criteria) || self.deviations < 2.0 * criteria.mode_deviations
+    }
 }
 
 /// A theta and how likely it is.

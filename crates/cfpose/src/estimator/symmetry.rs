@@ -38,10 +38,10 @@ impl Affine {
 }
 
 impl Search<'_> {
-    /// Return at most so many thetas that the equal ones among modes imply and that are neither one of them nor among those `tried`; none
+    /// Return at most so many thetas that the modes that may be equal imply and that are neither one of them nor among those `tried`; none
     /// for a model whose maps of the source do not form a group.
     pub fn symmetric(&self, modes: &[Mode], tried: &[Vec<f64>], most: usize) -> Vec<Vec<f64>> {
-        let equal = modes.iter().filter(|mode| mode.behind.is_equal(&self.parts.criteria));
+        let equal = modes.iter().filter(|mode| mode.behind.may_be_equal(&self.parts.criteria));
         let equal: Vec<&Vec<f64>> = equal.map(|mode| &mode.fit.theta).collect();
         if equal.len() < 2 {
             return Vec::new();

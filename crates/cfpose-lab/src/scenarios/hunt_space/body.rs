@@ -107,7 +107,8 @@ impl Body {
             // A flat plate lies on itself turned about an axis in it only when its outline is symmetric; its two sides are not
             // told apart by a reflection, which is no rotation.
             Kind::Plate => Determined::Theta,
-            Kind::Revolution | Kind::Box | Kind::Cube => Determined::InPart,
+            Kind::Revolution => Determined::ButADirection,
+            Kind::Box | Kind::Cube => Determined::OneOfSeveral,
         }
     }
 

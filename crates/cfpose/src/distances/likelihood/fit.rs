@@ -1,6 +1,6 @@
 //! Ascent of the likelihood: theta by damped Newton steps, noise and clutter by their own.
 
-use super::{Kernel, Mixture, Placed, PointsLikelihood, Sums};
+use super::{Kernel, Mixture, Placed, PointsLikelihood, Sums, mixture};
 use crate::geometry::linalg::solve_normal;
 
 /// A theta at which the likelihood is largest nearby.
@@ -21,6 +21,8 @@ const ALWAYS_REWEIGHED: usize = 3;
 const FAR: f64 = 80.0;
 /// Steps before that.
 const GIVE_UP: usize = 5;
+/// Noise up to this multiple of the least one is none.
+const NOISE_FREE: f64 = 2.0;
 /// A step that promises less than this is the last: where modes are compared, where one is returned.
 const NATS: [f64; 2] = [1e-3, 1e-9];
 /// Root mean square displacement of a step, in sizes of the target, at most.
@@ -96,8 +98,8 @@ impl PointsLikelihood<'_> {
             if nats <= NATS[1] {
                 mixture.sigma *= ahead(&mut drift, (mixture.sigma / before).ln());
             }
-            // An equal mode is far behind while its noise still shrinks.
-            let stands = mixture.sigma > 0.9 * before;
+            // An equal mode is far behind while its noise still shrinks, and where there is no noise, until the last step.
+            let stands = mixture.sigma > 0.9 * before && mixture.sigma > NOISE_FREE * mixture::SIGMA[0] * self.size;
             if iterations >= GIVE_UP && stands && sums.log_likelihood + gain < least - FAR {
                 return None;
             }
