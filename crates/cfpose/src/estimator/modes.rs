@@ -21,6 +21,8 @@ pub(super) const ONE_MODE: f64 = 0.1;
 pub(super) const NEIGHBOURS: [usize; 2] = [8, 12];
 /// Modes that symmetries imply, polished before it is asked whether they lead anywhere.
 const AT_A_TIME: usize = 4;
+/// So many equal modes are those of a symmetry, even if some that it implies lead nowhere.
+const SYMMETRY: usize = 6;
 /// Where the most likely theta is a misfit: the share of its noise that a second search may use.
 const LESS_NOISE: f64 = 0.3;
 /// Deviation of theta that counts as one test, where a fit is to be beyond chance: radians, sizes of the source.
@@ -194,7 +196,7 @@ impl Search<'_> {
     }
 
     /// Add the modes that the symmetries of the source make of the equal ones, a few at a time, until there are no new ones or enough.
-    /// A few that all lead nowhere say that the equal modes are no symmetry.
+    /// A few that all lead nowhere say that the equal modes are no symmetry, unless there are many.
     fn completed(&self, fine: &PointsLikelihood<'_>, mut all: Vec<Mode>) -> Vec<Mode> {
         let most = self.parts.criteria.polished[1];
         let equal = |all: &[Mode]| all.iter().filter(|mode| mode.behind.is_equal(&self.parts.criteria)).count();
@@ -214,7 +216,7 @@ impl Search<'_> {
                     self.insert(fine, fit, &mut all);
                 }
             }
-            if equal(&all) <= before {
+            if equal(&all) <= before && before < SYMMETRY {
                 return all;
             }
         }

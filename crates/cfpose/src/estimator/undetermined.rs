@@ -3,7 +3,8 @@
 //!
 //! A sample is rough, so its likelihood has a curvature along every direction, and small steps find it. What counts is the
 //! smoothed likelihood, and what lies far away: with the noise as wide as the distances between the points, a direction with
-//! little information is walked along, far, all other parameters following, and the data are asked whether they can tell.
+//! little information is walked along, far, all other parameters following while it is held, and the data are asked whether they
+//! can tell: a profile of the likelihood.
 
 use super::modes::behind;
 use super::search::Search;
@@ -23,6 +24,8 @@ pub struct Undetermined {
 
 /// How far a direction is walked: radians, sizes of the source.
 const FAR: [f64; 4] = [0.35, -0.35, 0.9, -0.9];
+/// Steps of the other parameters at its end.
+const STEPS: usize = 8;
 /// So many of the walks may fail.
 const MAY_FAIL: usize = 1;
 /// A walk counts that ends at least at this share of its distance.
@@ -65,13 +68,25 @@ impl Search<'_> {
 
     /// Say whether most walks along a direction end far away, at thetas that the data cannot tell from the fit.
     fn can_walk(&self, fine: &PointsLikelihood<'_>, fit: &Fit, vector: &[f64], scales: &[f64]) -> bool {
+        // The component along the direction, as a form of the unscaled tangent.
+        let held: Vec<f64> = vector.iter().zip(scales).map(|(v, scale)| v / scale).collect();
+        let is_far = |end: &Fit, far: f64| {
+            self.apart(&fit.theta, &end.theta) > STAYED * far.abs() && self.is_plausible(&end.theta)
+        };
+        let criteria = &self.parts.criteria;
         let walk = |far: f64| {
             let step: Vec<f64> = vector.iter().zip(scales).map(|(v, scale)| far * v * scale).collect();
             let begin = fine.mover.retract(&fit.theta, &step);
-            let Some(end) = fine.ascend(&begin, Kernel::Shape, 8, f64::NEG_INFINITY) else { return false };
-            behind(fine, fit, &end).is_equal(&self.parts.criteria)
-                && self.apart(&fit.theta, &end.theta) > STAYED * far.abs()
-                && self.is_plausible(&end.theta)
+            let Some(beside) = fine.ascend_beside(&begin, Kernel::Shape, STEPS, &held) else { return false };
+            let there = behind(fine, fit, &beside);
+            if there.is_equal(criteria) {
+                return is_far(&beside, far);
+            }
+            // A sample is rough: a little farther on it may do better.
+            let end = there
+                .may_be_equal(criteria)
+                .then(|| fine.ascend(&beside.theta, Kernel::Shape, STEPS, f64::NEG_INFINITY));
+            end.flatten().is_some_and(|end| behind(fine, fit, &end).is_equal(criteria) && is_far(&end, far))
         };
         let mut left = MAY_FAIL + 1;
         FAR.into_iter().all(|far| {

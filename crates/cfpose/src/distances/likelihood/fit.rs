@@ -1,7 +1,7 @@
 //! Ascent of the likelihood: theta by damped Newton steps, noise and clutter by their own.
 
 use super::{Kernel, Mixture, Placed, PointsLikelihood, Sums, mixture};
-use crate::geometry::linalg::solve_normal;
+use crate::geometry::linalg::{add_outer, solve_normal};
 
 /// A theta at which the likelihood is largest nearby.
 #[derive(Debug, Clone)]
@@ -21,12 +21,26 @@ const ALWAYS_REWEIGHED: usize = 3;
 const FAR: f64 = 80.0;
 /// Steps before that.
 const GIVE_UP: usize = 5;
+/// Information of what is held, in multiples of the largest of a parameter.
+const HELD: f64 = 1e4;
 /// Noise up to this multiple of the least one is none.
 const NOISE_FREE: f64 = 2.0;
 /// A step that promises less than this is the last: where modes are compared, where one is returned.
 const NATS: [f64; 2] = [1e-3, 1e-9];
 /// Root mean square displacement of a step, in sizes of the target, at most.
 const LONGEST: f64 = 0.2;
+
+/// Where an ascent ends, and what it may not change.
+#[derive(Clone, Copy)]
+struct Ascent<'a> {
+    max_iterations: usize,
+    /// Given up far below this.
+    least: f64,
+    /// A step that promises less is the last.
+    nats: f64,
+    /// Linear form of the tangent that no step changes.
+    held: Option<&'a [f64]>,
+}
 
 impl PointsLikelihood<'_> {
     /// Ascend from theta with the mixture that is most likely there, `None` where a map is not finite.
@@ -35,32 +49,34 @@ impl PointsLikelihood<'_> {
     pub fn ascend(&self, theta: &[f64], kernel: Kernel, max_iterations: usize, least: f64) -> Option<Fit> {
         let mut placed = self.place(theta, true)?;
         let (mixture, _) = self.best_mixture(&mut placed, kernel, 7);
-        self.ascend_with(theta, placed, mixture, max_iterations, least, NATS[0])
+        self.ascend_with(theta, placed, mixture, &Ascent { max_iterations, least, nats: NATS[0], held: None })
+    }
+
+    /// Ascend with a linear form of the tangent held: the profile of the likelihood along a direction.
+    pub fn ascend_beside(&self, theta: &[f64], kernel: Kernel, max_iterations: usize, held: &[f64]) -> Option<Fit> {
+        let mut placed = self.place(theta, true)?;
+        let (mixture, _) = self.best_mixture(&mut placed, kernel, 7);
+        let ascent = Ascent { max_iterations, least: f64::NEG_INFINITY, nats: NATS[0], held: Some(held) };
+        self.ascend_with(theta, placed, mixture, &ascent)
     }
 
     /// Ascend as [`PointsLikelihood::ascend`] until theta is known to far less than its deviation.
     pub fn ascend_fully(&self, theta: &[f64], kernel: Kernel, max_iterations: usize) -> Option<Fit> {
         let mut placed = self.place(theta, true)?;
         let (mixture, _) = self.best_mixture(&mut placed, kernel, 7);
-        self.ascend_with(theta, placed, mixture, max_iterations, f64::NEG_INFINITY, NATS[1])
+        let ascent = Ascent { max_iterations, least: f64::NEG_INFINITY, nats: NATS[1], held: None };
+        self.ascend_with(theta, placed, mixture, &ascent)
     }
 
     /// Ascend from a fit on other points of the same sets, whose noise and clutter are about right.
     pub fn ascend_from(&self, fit: &Fit, max_iterations: usize, least: f64) -> Option<Fit> {
         let mut placed = self.place(&fit.theta, true)?;
         let (mixture, _) = self.mixture_from(&mut placed, &fit.mixture);
-        self.ascend_with(&fit.theta, placed, mixture, max_iterations, least, NATS[0])
+        self.ascend_with(&fit.theta, placed, mixture, &Ascent { max_iterations, least, nats: NATS[0], held: None })
     }
 
-    fn ascend_with(
-        &self,
-        theta: &[f64],
-        mut placed: Placed,
-        mut mixture: Mixture,
-        max_iterations: usize,
-        least: f64,
-        nats: f64,
-    ) -> Option<Fit> {
+    fn ascend_with(&self, theta: &[f64], mut placed: Placed, mut mixture: Mixture, ascent: &Ascent<'_>) -> Option<Fit> {
+        let Ascent { max_iterations, least, nats, .. } = *ascent;
         let mut theta = theta.to_vec();
         let mut sums = self.sums(&placed, &mixture);
         let (mut damping, mut iterations, mut converged) = (0.1, 0, false);
@@ -72,7 +88,7 @@ impl PointsLikelihood<'_> {
                 return None;
             }
             iterations += 1;
-            let Some((next, there, gain)) = self.step(&theta, &placed, &sums, &mixture, nats, &mut damping) else {
+            let Some((next, there, gain)) = self.step(&theta, &placed, &sums, &mixture, ascent, &mut damping) else {
                 if is_final {
                     converged = true;
                     break;
@@ -118,19 +134,23 @@ impl PointsLikelihood<'_> {
         placed: &Placed,
         sums: &Sums,
         mixture: &Mixture,
-        nats: f64,
+        ascent: &Ascent<'_>,
         damping: &mut f64,
     ) -> Option<(Vec<f64>, Placed, f64)> {
         let n = sums.gradient.len();
         for _ in 0..8 {
-            let matrix: Vec<f64> =
+            let mut matrix: Vec<f64> =
                 sums.complete.iter().zip(&sums.lost).map(|(c, l)| c * (1.0 + *damping) - l).collect();
+            if let Some(held) = ascent.held {
+                let largest = (0..n).map(|i| sums.complete[i * n + i] / held[i].abs().max(1e-3).powi(2));
+                add_outer(&mut matrix, held, HELD * largest.fold(0.0, f64::max));
+            }
             let Some(mut step) = solve_normal(n, &matrix, &sums.gradient, 1e-9) else {
                 *damping = (*damping * 5.0).max(0.05);
                 continue;
             };
             let promised: f64 = step.iter().zip(&sums.gradient).map(|(s, g)| s * g).sum();
-            if promised < nats {
+            if promised < ascent.nats {
                 return None;
             }
             let moved = (quadratic(n, &sums.displacement, &step) / self.target.len() as f64).sqrt();
