@@ -6,7 +6,7 @@
 //! little information is walked along, far, all other parameters following while it is held, and the data are asked whether they
 //! can tell: a profile of the likelihood.
 
-use super::modes::behind;
+use super::modes::{Behind, behind};
 use super::search::Search;
 use crate::distances::likelihood::{Fit, Kernel, PointsLikelihood};
 use crate::geometry::linalg::symmetric_eigen_any;
@@ -26,6 +26,8 @@ pub struct Undetermined {
 const FAR: [f64; 4] = [0.35, -0.35, 0.9, -0.9];
 /// Steps of the other parameters at its end.
 const STEPS: usize = 8;
+/// Deviations by which the largest of some twenty independent maxima leads an average place: so many fit about a whole turn.
+const LEAD: f64 = 2.0;
 /// So many of the walks may fail.
 const MAY_FAIL: usize = 1;
 /// A walk counts that ends at least at this share of its distance.
@@ -58,7 +60,7 @@ impl Search<'_> {
             // The deviation that the smoothed likelihood lets expect.
             let deviation = value.max(1e-12).sqrt().recip();
             let is_weak = several || deviation > self.parts.criteria.weak;
-            if !is_weak || !self.can_walk(fine, fit, vector, &scales) {
+            if !is_weak || !self.can_walk(fine, fit, vector, &scales, several) {
                 break;
             }
             found.push(Undetermined { direction: vector.clone(), words: self.words(vector) });
@@ -67,26 +69,29 @@ impl Search<'_> {
     }
 
     /// Say whether most walks along a direction end far away, at thetas that the data cannot tell from the fit.
-    fn can_walk(&self, fine: &PointsLikelihood<'_>, fit: &Fit, vector: &[f64], scales: &[f64]) -> bool {
+    fn can_walk(&self, fine: &PointsLikelihood<'_>, fit: &Fit, vector: &[f64], scales: &[f64], several: bool) -> bool {
         // The component along the direction, as a form of the unscaled tangent.
         let held: Vec<f64> = vector.iter().zip(scales).map(|(v, scale)| v / scale).collect();
         let is_far = |end: &Fit, far: f64| {
             self.apart(&fit.theta, &end.theta) > STAYED * far.abs() && self.is_plausible(&end.theta)
         };
         let criteria = &self.parts.criteria;
+        // The best of several rough maxima leads a place between them by chance.
+        let chance = if several { LEAD } else { 0.0 };
+        let is_equal = |there: Behind| Behind { deviations: there.deviations - chance, ..there }.is_equal(criteria);
         let walk = |far: f64| {
             let step: Vec<f64> = vector.iter().zip(scales).map(|(v, scale)| far * v * scale).collect();
             let begin = fine.mover.retract(&fit.theta, &step);
             let Some(beside) = fine.ascend_beside(&begin, Kernel::Shape, STEPS, &held) else { return false };
             let there = behind(fine, fit, &beside);
-            if there.is_equal(criteria) {
+            if is_equal(there) {
                 return is_far(&beside, far);
             }
             // A sample is rough: a little farther on it may do better.
             let end = there
                 .may_be_equal(criteria)
                 .then(|| fine.ascend(&beside.theta, Kernel::Shape, STEPS, f64::NEG_INFINITY));
-            end.flatten().is_some_and(|end| behind(fine, fit, &end).is_equal(criteria) && is_far(&end, far))
+            end.flatten().is_some_and(|end| is_equal(behind(fine, fit, &end)) && is_far(&end, far))
         };
         let mut left = MAY_FAIL + 1;
         FAR.into_iter().all(|far| {
