@@ -28,6 +28,7 @@ mod continuous;
 mod estimate;
 mod evaluate;
 pub mod from_moments;
+mod likelihoods;
 mod modes;
 mod others;
 mod outliers;

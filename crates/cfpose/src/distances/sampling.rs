@@ -148,6 +148,40 @@ pub(crate) fn stray(points: &Points) -> Vec<usize> {
     if limit > 0.0 && rows.len() as f64 <= most && points.len() > 8 { rows } else { Vec::new() }
 }
 
+/// Return at most `limit` points that stand for all: of each cell of a grid the one nearest to the middle of its points, with the weight of all
+/// of them. Weighted points are drawn ([`draw`]).
+///
+/// # Errors
+/// [`PointsError`] as of [`Points::select`].
+pub(crate) fn represent(points: &Points, limit: usize) -> Result<Points, PointsError> {
+    let rng = &mut crate::streams::stream(0, "represent");
+    if points.weights().iter().any(|w| *w != points.weights()[0]) {
+        return draw(points, limit, rng);
+    }
+    if points.len() <= limit || limit == 0 {
+        return Ok(points.clone());
+    }
+    let most = REPRESENTED * limit;
+    if points.len() > most {
+        return represent(&thin(points, most, rng)?, limit);
+    }
+    let Some(cells) = cells_within(points, limit) else { return Ok(points.clone()) };
+    let (mut rows, mut weights) = (Vec::with_capacity(cells.len()), Vec::with_capacity(cells.len()));
+    for cell in cells {
+        let total: f64 = cell.iter().map(|k| points.weights()[*k]).sum();
+        let of = |d: usize| cell.iter().map(|k| points.column(d)[*k]).sum::<f64>() / cell.len() as f64;
+        let middle: Vec<f64> = (0..points.dim()).map(of).collect();
+        let far = |k: usize| (0..points.dim()).map(|d| (points.column(d)[k] - middle[d]).powi(2)).sum::<f64>();
+        let nearest = cell.iter().copied().min_by(|a, b| far(*a).total_cmp(&far(*b))).unwrap_or(cell[0]);
+        rows.push(nearest);
+        weights.push(total);
+    }
+    points.select(&rows)?.with_weights(weights)
+}
+
+/// Points that one may stand for; of more a random part is looked at.
+const REPRESENTED: usize = 25;
+
 /// Points that [`even`] looks at for each that it keeps.
 const LOOKED_AT: usize = 100;
 
@@ -166,8 +200,13 @@ pub(crate) fn even(points: &Points, limit: usize) -> Result<Points, PointsError>
 
 /// Return the rows of [`even`]; `None` for all of a set that has no extent or hardly any points.
 pub(super) fn even_cells(points: &Points, limit: usize) -> Option<Vec<usize>> {
-    let dim = points.dim();
-    let bounds: Vec<(f64, f64)> = (0..dim)
+    Some(cells_within(points, limit)?.into_iter().map(|cell| cell[0]).collect())
+}
+
+/// Return the rows in each cell of the finest grid with at most `limit` cells that hold points, in the order of their first; `None` as of
+/// [`even_cells`].
+fn cells_within(points: &Points, limit: usize) -> Option<Vec<Vec<usize>>> {
+    let bounds: Vec<(f64, f64)> = (0..points.dim())
         .map(|d| {
             let mut column = points.column(d).to_vec();
             column.sort_by(f64::total_cmp);
@@ -183,13 +222,13 @@ pub(super) fn even_cells(points: &Points, limit: usize) -> Option<Vec<usize>> {
     }
     // Cells per size of the set, by bisection.
     let (mut coarse, mut fine) = (2.0_f64, 400.0_f64);
-    let kept_of = |cells: f64| first_of_cells(points, |d, x| (x - bounds[d].0) / size * cells);
+    let kept_of = |cells: f64| by_cells(points, |d, x| (x - bounds[d].0) / size * cells);
     let mut kept = kept_of(coarse);
     for _ in 0..9 {
         let middle = (coarse * fine).sqrt();
-        let rows = kept_of(middle);
-        if rows.len() <= limit {
-            (coarse, kept) = (middle, rows);
+        let cells = kept_of(middle);
+        if cells.len() <= limit {
+            (coarse, kept) = (middle, cells);
         } else {
             fine = middle;
         }
@@ -199,11 +238,22 @@ pub(super) fn even_cells(points: &Points, limit: usize) -> Option<Vec<usize>> {
 
 /// Return the first point of every cell; `place` gives the cell of a coordinate.
 pub(super) fn first_of_cells(points: &Points, place: impl Fn(usize, f64) -> f64) -> Vec<usize> {
-    let mut seen = std::collections::HashSet::new();
-    let cell = |k: usize| -> [i64; 3] {
-        let mut cell = [0; 3];
+    by_cells(points, place).into_iter().map(|cell| cell[0]).collect()
+}
+
+/// Return the points of every cell, in the order of the first ones.
+fn by_cells(points: &Points, place: impl Fn(usize, f64) -> f64) -> Vec<Vec<usize>> {
+    let mut cells: Vec<Vec<usize>> = Vec::new();
+    let mut at = std::collections::HashMap::new();
+    for k in 0..points.len() {
+        let mut cell = [0_i64; 3];
         (0..points.dim()).for_each(|d| cell[d] = place(d, points.column(d)[k]).floor() as i64);
-        cell
-    };
-    (0..points.len()).filter(|k| seen.insert(cell(*k))).collect()
+        let new = cells.len();
+        let index = *at.entry(cell).or_insert(new);
+        if index == new {
+            cells.push(Vec::new());
+        }
+        cells[index].push(k);
+    }
+    cells
 }

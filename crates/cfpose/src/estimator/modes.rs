@@ -6,9 +6,7 @@ use super::search::Search;
 use super::workbench::of_side;
 use crate::criteria::Criteria;
 use crate::distances::likelihood::{Fit, Kernel, PointsLikelihood};
-use crate::distances::sampling::{draw, even};
 use crate::error::{Error, Side};
-use crate::streams::stream;
 use cfpose_kernel::points::{Points, PointsError};
 
 /// Reaches of the coarse alignment, in sizes of the target: the first for all starts, the others for the best of them.
@@ -17,8 +15,6 @@ const REACHES: [f64; 3] = [0.25, 0.13, 0.07];
 const STEPS: usize = 4;
 /// Thetas closer than this are one mode: radians, sizes of the source.
 pub(super) const ONE_MODE: f64 = 0.1;
-/// Source points near a target point that may explain it: of few points, of more.
-pub(super) const NEIGHBOURS: [usize; 2] = [8, 12];
 /// Modes that symmetries imply, polished before it is asked whether they lead anywhere.
 const AT_A_TIME: usize = 4;
 /// So many equal modes are those of a symmetry, even if some that it implies lead nowhere.
@@ -92,6 +88,8 @@ pub(super) struct Modes {
     pub gain: f64,
     /// Largest noise that was allowed, in sizes of the target, where they are of a second search.
     pub most_noise: Option<f64>,
+    /// Source points that they are compared on ([`Search::comparison`]).
+    pub source_points: usize,
 }
 
 impl Search<'_> {
@@ -101,11 +99,14 @@ impl Search<'_> {
     /// neighbouring points miss the shape together at the most likely theta, the search is made again with much less noise; what it
     /// finds is the answer if it is no misfit and far beyond chance.
     pub fn modes(&mut self, found: &[Candidate], given: &[Vec<f64>]) -> Result<Option<Modes>, Error> {
-        let (coarse, fine) = (self.covering(self.parts.criteria.coarse_points)?, self.comparison()?);
-        let (Some(coarse), Some(fine)) = (coarse, fine) else { return Ok(None) };
+        let Some(coarse) = self.covering(self.parts.criteria.coarse_points)? else { return Ok(None) };
         let coarse = coarse.with_noise_above(COARSE_NOISE);
         let aligned = self.aligned(&coarse, found, given)?;
-        let Some(modes) = self.modes_among(&coarse, &fine, aligned.clone(), given)? else { return Ok(None) };
+        let roughly = self.ascended(&coarse, self.worth_polishing(aligned.clone(), self.parts.criteria.ascended));
+        let source_points = self.compared_points(most_likely(&roughly))?;
+        let Some(fine) = self.comparison(source_points)? else { return Ok(None) };
+        let Some(modes) = self.modes_among(&fine, roughly, given)? else { return Ok(None) };
+        let modes = Modes { source_points, ..modes };
         let first = &modes.all[0].fit;
         if !self.is_misfit(&fine, first) {
             return Ok(Some(modes));
@@ -113,25 +114,24 @@ impl Search<'_> {
         let most = LESS_NOISE * first.mixture.sigma / fine.size;
         let (coarse, fine) = (coarse.with_noise_below(most), fine.with_noise_below(most));
         let again = aligned.into_iter().filter_map(|(_, theta)| score(&coarse, theta)).collect();
-        let exact = self.modes_among(&coarse, &fine, again, given)?;
+        let again = self.ascended(&coarse, self.worth_polishing(again, self.parts.criteria.ascended));
+        let exact = self.modes_among(&fine, again, given)?;
         let tests = fine.mover.tangent() as f64 * (std::f64::consts::TAU / EXACT).ln();
         let least = tests - self.parts.criteria.false_alarms * std::f64::consts::LN_10;
         let exact = exact.filter(|exact| exact.gain > least && !self.is_misfit(&fine, &exact.all[0].fit));
-        Ok(Some(exact.map_or(modes, |exact| Modes { most_noise: Some(most), ..exact })))
+        Ok(Some(exact.map_or(modes, |exact| Modes { most_noise: Some(most), source_points, ..exact })))
     }
 
-    /// Polish scored thetas and given ones into modes; `None` where there is none, or where it is time to end.
+    /// Polish rough fits and given thetas into modes; `None` where there is none, or where it is time to end.
     fn modes_among(
         &self,
-        coarse: &PointsLikelihood<'_>,
         fine: &PointsLikelihood<'_>,
-        starts: Vec<(f64, Vec<f64>)>,
+        roughly: Vec<Fit>,
         given: &[Vec<f64>],
     ) -> Result<Option<Modes>, Error> {
         if self.interrupt.is_raised() {
             return Ok(None);
         }
-        let roughly = self.ascended(coarse, self.worth_polishing(starts, self.parts.criteria.ascended));
         let mut fits: Vec<Fit> = Vec::new();
         for rough in self.worth_polishing(roughly, self.parts.criteria.polished) {
             let most = most_likely(&fits).map_or(f64::NEG_INFINITY, |fit| fit.log_likelihood);
@@ -155,7 +155,7 @@ impl Search<'_> {
         let mut all = self.completed(fine, self.distinct(fine, fits));
         self.add_others(fine, &mut all)?;
         let gain = all.first().map_or(0.0, |mode| mode.fit.log_likelihood - fine.chance());
-        Ok((!all.is_empty()).then_some(Modes { all, gain, most_noise: None }))
+        Ok((!all.is_empty()).then_some(Modes { all, gain, most_noise: None, source_points: 0 }))
     }
 
     fn is_misfit(&self, fine: &PointsLikelihood<'_>, fit: &Fit) -> bool {
@@ -224,51 +224,6 @@ impl Search<'_> {
 
     pub(super) fn is_usable(&self, fit: &Fit) -> bool {
         fit.log_likelihood.is_finite() && self.is_plausible(&fit.theta)
-    }
-
-    /// Prepare the likelihood that modes are compared by.
-    pub fn comparison(&self) -> Result<Option<PointsLikelihood<'_>>, Error> {
-        self.likelihood(self.parts.criteria.fine_points, NEIGHBOURS[1], "modes")
-    }
-
-    /// Thin both sides of the last stage at random and prepare their likelihood.
-    pub fn likelihood(
-        &self,
-        [num_source, num_target]: [usize; 2],
-        neighbours: usize,
-        name: &str,
-    ) -> Result<Option<PointsLikelihood<'_>>, Error> {
-        let stage = self.last();
-        let mut rng = stream(self.parts.settings.seed, name);
-        let source = draw(&stage.all_source, num_source, &mut rng).map_err(of_side(Side::Source))?;
-        let target = draw(&stage.sides.mapped_target, num_target, &mut rng).map_err(of_side(Side::Target))?;
-        let likelihood = PointsLikelihood::new(&stage.problem, &source, target.rows(), neighbours);
-        Ok(likelihood.map(|likelihood| likelihood.with_interrupt(self.interrupt)))
-    }
-
-    /// Prepare the likelihood of points that cover both sides: of the source an even part, of the target half an even part, which dense
-    /// clutter does not dominate, half a random one, which thin clutter does not.
-    fn covering(&self, [num_source, num_target]: [usize; 2]) -> Result<Option<PointsLikelihood<'_>>, Error> {
-        let stage = self.last();
-        let source = self.evenly(&stage.all_source, num_source).map_err(of_side(Side::Source))?;
-        let rows = self.parts_of_target(num_target / 2)?.map(|part| part.rows()).concat();
-        let likelihood = PointsLikelihood::new(&stage.problem, &source, rows, NEIGHBOURS[0]);
-        Ok(likelihood.map(|likelihood| likelihood.with_interrupt(self.interrupt)))
-    }
-
-    fn parts_of_target(&self, count: usize) -> Result<[Points; 2], Error> {
-        let mut rng = stream(self.parts.settings.seed, "everywhere");
-        let target = &self.last().sides.mapped_target;
-        let of_target = of_side(Side::Target);
-        Ok([self.evenly(target, count).map_err(&of_target)?, draw(target, count, &mut rng).map_err(&of_target)?])
-    }
-
-    /// Return an even part of what counts of the points.
-    pub(super) fn evenly(&self, points: &Points, count: usize) -> Result<Points, PointsError> {
-        if points.is_uniform() {
-            return even(points, count);
-        }
-        even(&draw(points, 0, &mut stream(self.parts.settings.seed, "what counts"))?, count)
     }
 
     /// Return scored thetas: candidates and given ones as they are and aligned, and the best of those from everywhere.

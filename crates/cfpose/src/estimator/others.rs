@@ -1,6 +1,7 @@
 //! Another of the same: where the most likely theta leaves much of the target unexplained, the source is looked for in the rest.
 
-use super::modes::{Mode, NEIGHBOURS};
+use super::likelihoods::NEIGHBOURS;
+use super::modes::Mode;
 use super::search::Search;
 use super::workbench::of_side;
 use crate::distances::likelihood::{Kernel, PointsLikelihood};

@@ -3,7 +3,8 @@
 
 use super::Watch;
 use super::candidate::{Candidate, PointFit};
-use super::modes::{Mode, Modes, NEIGHBOURS, ONE_MODE};
+use super::likelihoods::NEIGHBOURS;
+use super::modes::{Mode, Modes, ONE_MODE};
 use super::search::Search;
 use crate::criteria::Criteria;
 use crate::distances::likelihood::{Fit, Kernel, Mixture, Placed, PointsLikelihood};
@@ -46,8 +47,6 @@ impl Evidence {
     }
 }
 
-/// Source points near a target point that may explain it, in the last fit.
-const LAST_NEIGHBOURS: usize = 32;
 /// Target points that the mixture of all is taken from, where outliers are looked for.
 const MIXED: usize = 20_000;
 /// Points that are asked about the theta of the means: what is seen (source, target), whether they are copies (target).
@@ -81,7 +80,7 @@ impl Search<'_> {
         candidate.support = Some(self.last().support(&candidate.theta)?);
         let is_other = |mode: &&Mode| self.apart(&mode.fit.theta, &candidate.theta) > ONE_MODE;
         candidate.modes = modes.all.iter().filter(is_other).cloned().collect();
-        let fine = self.comparison()?;
+        let fine = self.comparison(modes.source_points)?;
         candidate.unexplained = fine.as_ref().and_then(|fine| self.unexplained(fine, chosen, &candidate.modes));
         candidate.undetermined = match (fine, evidence.copies) {
             (Some(fine), false) => {
@@ -204,26 +203,6 @@ impl Search<'_> {
         let first = self.first_on_final_model();
         let candidate = self.on_part(data, first, &fit.theta, watch)?;
         Ok(candidate.map(|candidate| Candidate { clutter: Some(share), ..candidate }))
-    }
-
-    /// Prepare the likelihood of as many points as the noise lets take part: the neighbours of a target point have to reach over
-    /// the noise.
-    fn wide_enough(&self, fit: &Fit, target_points: usize) -> Result<Option<PointsLikelihood<'_>>, Error> {
-        let Some(points) = &self.pipeline.points else { return Ok(None) };
-        let mut count = self.last().all_source.len().min(points.source_points);
-        loop {
-            let reach = self.reach(fit, count)?;
-            if reach >= 2.5 * fit.mixture.sigma || count <= 300 {
-                return self.likelihood([count, target_points], LAST_NEIGHBOURS, "points");
-            }
-            count = (count * 3 / 5).max(300);
-        }
-    }
-
-    /// Return how far the neighbours of a target point reach, of so many source points: the median of a few.
-    fn reach(&self, fit: &Fit, source_points: usize) -> Result<f64, Error> {
-        let few = self.likelihood([source_points, 100], LAST_NEIGHBOURS, "points")?;
-        Ok(few.and_then(|few| few.place(&fit.theta, false).map(|placed| few.reach(&placed))).unwrap_or(0.0))
     }
 
     /// Return the target rows that are no clutter at theta; `None` where nearly all are.
