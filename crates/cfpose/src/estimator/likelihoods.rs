@@ -37,6 +37,12 @@ impl Search<'_> {
         self.represented(count, target_points, LAST_NEIGHBOURS, "points")
     }
 
+    /// Prepare the likelihood that tells what of both sides is seen: of at most so many source and target points.
+    pub fn seeing(&self, fit: &Fit, points: [usize; 2]) -> Result<Option<PointsLikelihood<'_>>, Error> {
+        let count = self.within_reach(fit, points[0], NEIGHBOURS[1])?;
+        self.represented(count, points[1], NEIGHBOURS[1], "seen")
+    }
+
     /// Return the largest number of source points, at most so many, of which the neighbours of a target point reach over the noise.
     fn within_reach(&self, fit: &Fit, most: usize, neighbours: usize) -> Result<usize, Error> {
         let mut count = self.last().all_source.len().min(most);
@@ -69,7 +75,7 @@ impl Search<'_> {
     }
 
     /// Thin both sides of the last stage at random and prepare their likelihood.
-    pub fn likelihood(
+    fn likelihood(
         &self,
         [num_source, num_target]: [usize; 2],
         neighbours: usize,

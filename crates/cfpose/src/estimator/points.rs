@@ -3,7 +3,6 @@
 
 use super::Watch;
 use super::candidate::{Candidate, PointFit};
-use super::likelihoods::NEIGHBOURS;
 use super::modes::{Mode, Modes, ONE_MODE};
 use super::search::Search;
 use crate::criteria::Criteria;
@@ -109,8 +108,8 @@ impl Search<'_> {
         let theta = &candidate.theta;
         // Copies show on all of the source and few target points; what is seen, on few of the source and many of the target.
         let (seeing, copying) = ASKED;
-        let seeing = self.likelihood(seeing, NEIGHBOURS[1], "seen")?;
-        let (Some(seeing), Some(copying)) = (seeing, self.wide_enough(&chosen.fit, copying)?) else { return Ok(None) };
+        let (seeing, copying) = (self.seeing(&chosen.fit, seeing)?, self.wide_enough(&chosen.fit, copying)?);
+        let (Some(seeing), Some(copying)) = (seeing, copying) else { return Ok(None) };
         let Some(mut placed) = seeing.place(theta, false) else { return Ok(None) };
         let (mixture, log_likelihood) = seeing.best_mixture(&mut placed, Kernel::Shape, 10);
         let fit = Fit { theta: theta.clone(), mixture, log_likelihood, iterations: 0, converged: true };
