@@ -207,8 +207,8 @@ criteria! {
         "7 wrong answers of 288 with missing arcs, 5 to 22 degrees off, have .021 to .034: the ends of an arc lie within the noise";
     /// Share of the variance of the distances along normals that neighbouring target points have in common, from which on they count as a
     /// misfit, if ..
-    misfit: f64 = 0.25, "share",
-        "set on the hunts: 1 of 309 right and good answers lost, 10 of 60 and 22 of 122 wrong ones caught";
+    misfit: f64 = 0.2, "share",
+        "set on the hunts: of 470 right and good answers the largest with a length above .006 has .17, a mirrored star that was good .24";
     /// .. what they have in common is longer than this: below it is the shape between its points.
     misfit_length: f64 = 0.01, "sizes of the target",
         "as above";

@@ -290,10 +290,16 @@ impl Search<'_> {
         self.proposals_for(name, stage, &stage.sides.source, target)
     }
 
-    /// Return thetas all over the model's manifold, from both parts of the target.
+    /// Return thetas all over the model's manifold, from both parts of the target: of the second one what differs, which is little where
+    /// there is no clutter.
     fn everywhere(&self) -> Result<Vec<Vec<f64>>, Error> {
-        let parts = self.parts_of_target(PROPOSED_FOR)?;
-        Ok(parts.iter().map(|part| self.all_over(part)).collect::<Result<Vec<_>, _>>()?.concat())
+        let [even, random] = self.parts_of_target(PROPOSED_FOR)?;
+        let (mut thetas, others) = (self.all_over(&even)?, self.all_over(&random)?);
+        let differs =
+            |(k, theta): &(usize, Vec<f64>)| thetas.get(*k).is_none_or(|same| self.apart(same, theta) > ONE_MODE);
+        let others: Vec<Vec<f64>> = others.into_iter().enumerate().filter(differs).map(|(_, theta)| theta).collect();
+        thetas.extend(others);
+        Ok(thetas)
     }
 
     /// Return thetas all over the model's manifold that put the source on `target` without what lies far outside of it.
