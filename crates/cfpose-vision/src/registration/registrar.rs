@@ -215,13 +215,16 @@ impl Registrar {
         let (outlined, pattern, view) = (hunt.outlined, hunt.pattern, hunt.view);
         let (theta, quality, _) = hunt.best.clone()?;
         let (theta, quality, repeated) = self.among_shifts(outlined, pattern, view, theta, quality);
-        let (theta, mut quality, mut rivals) = self.tilts(outlined, pattern, view, theta, quality);
-        let (mut settled, mut covariance, mut crisp) = self.settled(outlined, pattern, view, theta, &quality);
-        if !crisp && hunt.improve(seed) {
-            let (nearer, of_nearer, _) = hunt.best.clone()?;
-            let found = self.tilts(outlined, pattern, view, nearer, of_nearer);
-            (quality, rivals) = (found.1, found.2);
-            (settled, covariance, crisp) = self.settled(outlined, pattern, view, found.0, &quality);
+        let (mut theta, mut quality, mut rivals) = self.tilts(outlined, pattern, view, theta, quality);
+        let (mut settled, mut covariance, mut crisp) =
+            self.settled(outlined, pattern, view, theta.clone(), &quality);
+        if !(crisp && quality.is_settled()) {
+            hunt.best = hunt.best.map(|(_, _, by)| (theta, quality, by));
+            if hunt.improve(seed) {
+                (theta, quality, _) = hunt.best.clone()?;
+                (theta, quality, rivals) = self.tilts(outlined, pattern, view, theta, quality);
+                (settled, covariance, crisp) = self.settled(outlined, pattern, view, theta, &quality);
+            }
         }
         let accepted = accepts(pattern, view, &quality);
         let (theta, starts, by) = (settled, hunt.starts, hunt.best.map_or("", |(_, _, by)| by));
