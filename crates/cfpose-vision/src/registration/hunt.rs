@@ -109,6 +109,11 @@ impl<'a> Hunt<'a> {
             }
         }
         let visible = self.view.partly.is_some();
+        // Any turn and tilt, where the pattern is seen as a whole.
+        let anywhere = if visible { Vec::new() } else { self.registrar.whitened(self.pattern, self.view) };
+        if anywhere.iter().any(|start| self.moments(start, false, "moments-whitened")) {
+            return;
+        }
         for k in [4, 2, 6, 1, 7, 3, 5] {
             let start = disturbed.turned(&centred, f64::from(k) * std::f64::consts::FRAC_PI_4);
             if self.moments(&start, visible, "moments-turned") {

@@ -15,8 +15,8 @@ use cfpose_optim::manifold::determinant3;
 const INLIER: f64 = 1.5;
 
 /// Median distance of edges, as a share of the deviation that is expected and per squared deviation of the blur, from which it is too far.
-const SETTLED: f64 = 1.1;
-const BLURRED: f64 = 0.005;
+const SETTLED: f64 = 0.95;
+const BLURRED: f64 = 0.003;
 
 /// Ratio of median distances from which one theta is nearer than another.
 const CLEARLY: f64 = 0.9;
