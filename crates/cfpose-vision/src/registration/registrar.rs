@@ -198,7 +198,11 @@ impl Registrar {
     pub fn register(&self, pattern: &Pattern, view: &View, last: Option<&[f64]>, seed: u64) -> Option<Registered> {
         let outlined = self.outlined(pattern).ok()?;
         let by_greys = pattern.greys.as_ref().and_then(|greys| self.register_greys(greys, pattern, view, last, seed));
-        if let Some(found) = by_greys.as_ref().filter(|found| found.verdict.accepted()) {
+        // With most of the steps between greys the pattern is found, however far off its edges may be: one threshold tells no more.
+        let is_found = |found: &&Registered| {
+            found.verdict.accepted() || found.quality.share * found.quality.visible > SUPPORT
+        };
+        if let Some(found) = by_greys.as_ref().filter(is_found) {
             return Some(found.clone());
         }
         let mut hunt = Hunt::new(self, &outlined, pattern, view);
@@ -218,7 +222,7 @@ impl Registrar {
         let (mut theta, mut quality, mut rivals) = self.tilts(outlined, pattern, view, theta, quality);
         let (mut settled, mut covariance, mut crisp) =
             self.settled(outlined, pattern, view, theta.clone(), &quality);
-        if !(crisp && quality.is_settled()) {
+        if !crisp || (accepts(pattern, view, &quality) && !quality.is_settled()) {
             hunt.best = hunt.best.map(|(_, _, by)| (theta, quality, by));
             if hunt.improve(seed) {
                 (theta, quality, _) = hunt.best.clone()?;
