@@ -80,7 +80,8 @@ impl Quality {
 
     /// Say whether a theta that has not been fitted to its end may yet beat another.
     pub(super) fn promises(&self, other: &Self) -> bool {
-        self.median < 1.5 * other.median.max(self.expected) && self.share * self.visible > 0.9 * other.share * other.visible
+        self.median < 1.5 * other.median.max(self.expected)
+            && self.share * self.visible > 0.9 * other.share * other.visible
     }
 
     /// Return the larger share of a region that the other one explains.

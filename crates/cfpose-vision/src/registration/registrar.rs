@@ -199,9 +199,8 @@ impl Registrar {
         let outlined = self.outlined(pattern).ok()?;
         let by_greys = pattern.greys.as_ref().and_then(|greys| self.register_greys(greys, pattern, view, last, seed));
         // With most of the steps between greys the pattern is found, however far off its edges may be: one threshold tells no more.
-        let is_found = |found: &&Registered| {
-            found.verdict.accepted() || found.quality.share * found.quality.visible > SUPPORT
-        };
+        let is_found =
+            |found: &&Registered| found.verdict.accepted() || found.quality.share * found.quality.visible > SUPPORT;
         if let Some(found) = by_greys.as_ref().filter(is_found) {
             return Some(found.clone());
         }
@@ -220,8 +219,7 @@ impl Registrar {
         let (theta, quality, _) = hunt.best.clone()?;
         let (theta, quality, repeated) = self.among_shifts(outlined, pattern, view, theta, quality);
         let (mut theta, mut quality, mut rivals) = self.tilts(outlined, pattern, view, theta, quality);
-        let (mut settled, mut covariance, mut crisp) =
-            self.settled(outlined, pattern, view, theta.clone(), &quality);
+        let (mut settled, mut covariance, mut crisp) = self.settled(outlined, pattern, view, theta.clone(), &quality);
         if !crisp || (accepts(pattern, view, &quality) && !quality.is_settled()) {
             hunt.best = hunt.best.map(|(_, _, by)| (theta, quality, by));
             if hunt.improve(seed) {

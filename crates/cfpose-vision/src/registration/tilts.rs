@@ -32,9 +32,10 @@ impl Registrar {
             let of = |rival: &Rival| self.quality_of(outlined, pattern, view, &rival.theta);
             let qualities: Vec<Quality> = rivals.iter().map(of).collect();
             // Edges that only one of two thetas has tell nothing in their ratio: the share of the contour decides where it differs.
-            let better = rivals.iter().zip(qualities).find(|(rival, other)| {
-                other.beats(&quality) || (rival.ratio < 1.0 && !quality.beats(other))
-            });
+            let better = rivals
+                .iter()
+                .zip(qualities)
+                .find(|(rival, other)| other.beats(&quality) || (rival.ratio < 1.0 && !quality.beats(other)));
             let Some((better, of_better)) = better else { break };
             theta.clone_from(&better.theta);
             quality = of_better;
