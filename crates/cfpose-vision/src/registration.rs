@@ -27,6 +27,7 @@ mod starts;
 mod tilts;
 mod verdict;
 mod view;
+mod whitened;
 
 pub use fit::{ContourFit, Schedule};
 pub use follow::Missed;

@@ -55,6 +55,8 @@ impl Schedule {
     pub const SCREEN: Self = Self { steps: 2, last: 3, unbent: 0, ..Self::FAR };
     /// From another tilt that may fit as well.
     pub const TILT: Self = Self { reaches: &[6.0, 4.0, 3.0, 3.0], steps: 4, last: 12, unbent: 3 };
+    /// From starts about a theta, to see whether they lead to a better one.
+    pub const ABOUT: Self = Self { reaches: &[25.0, 12.0, 6.0, 3.0], steps: 2, last: 4, unbent: 0 };
     /// Where a fit stands that only the field changes under.
     pub const LAST: Self = Self { reaches: &[4.0, 3.0], steps: 3, last: 12, unbent: 3 };
     /// From the last frame's pose with few places, and then with all.

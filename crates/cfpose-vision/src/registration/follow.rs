@@ -6,7 +6,7 @@ use cfpose::PointsError;
 
 use super::fit::Schedule;
 use super::hunt::accepts;
-use super::pattern::Pattern;
+use super::pattern::{Outline, Pattern};
 use super::registrar::{Outlined, Registered, Registrar};
 use super::sight::{ALIKE, Shown, Sight};
 use super::verdict::{FrameVerdict, SUPPORT};
@@ -16,8 +16,9 @@ use crate::options::Foreground;
 use crate::raster::Raster;
 use crate::segment::{SegmentError, SegmentOptions, segment, sparse};
 
-/// Every so many places of the outline find the way.
-pub(super) const COARSE: usize = 4;
+/// Every so many places of the outline find the way, more apart where it has more places than a plain pattern.
+const COARSE: usize = 4;
+const PLACES: usize = 120;
 
 /// Standard deviation of an edge from which the frame has to be smoothed, pixels: twice what a frame on its own is smoothed from, for the
 /// pose of a frame of a sequence is wanted at once.
@@ -102,6 +103,11 @@ impl Registrar {
 
     /// Return an outline of few places.
     pub(super) fn coarse(&self, pattern: &Pattern) -> Option<Outlined> {
-        self.outlined_of(&pattern.outline, COARSE).ok()
+        self.coarse_of(&pattern.outline)
+    }
+
+    /// Return few places of an outline.
+    pub(super) fn coarse_of(&self, outline: &Outline) -> Option<Outlined> {
+        self.outlined_of(outline, COARSE.max(outline.places.len() / PLACES)).ok()
     }
 }

@@ -2,7 +2,6 @@
 
 use super::edges::{Field, Levels};
 use super::fit::Schedule;
-use super::follow::COARSE;
 use super::greys::{BESIDE, Greys};
 use super::hunt::Hunt;
 use super::joint::pairs;
@@ -135,7 +134,7 @@ impl Hunt<'_> {
         if self.contour(&begin, Schedule::FAR, "greys-contour") {
             return;
         }
-        let Ok(coarse) = self.registrar.outlined_of(&greys.outline, COARSE) else { return };
+        let Some(coarse) = self.registrar.coarse_of(&greys.outline) else { return };
         for k in 0..STEP_STARTS {
             let best = self.best.as_ref().map_or_else(|| begin.clone(), |(theta, ..)| theta.clone());
             let (base, scale) = [(&best, 0.6), (&begin, 1.2), (&centred, 1.2)][k % 3];

@@ -24,9 +24,8 @@ const SHARP: f64 = 0.9;
 /// Share of the contour with an edge from which a given start has led to the pattern.
 const NEAR_START: f64 = 0.6;
 
-/// Disturbed starts about a theta whose edges are too far, and the ratio of median distances from which another one is nearer.
+/// Disturbed starts about a theta whose edges are farther than they should be.
 const IMPROVED_STARTS: usize = 24;
-const CLEARLY: f64 = 0.9;
 
 /// Pixels by which blur and noise may move edges where a part of the contour is enough.
 const UNSHARP: f64 = 0.2;
@@ -110,6 +109,11 @@ impl<'a> Hunt<'a> {
             }
         }
         let visible = self.view.partly.is_some();
+        // Any turn and tilt, where the pattern is seen as a whole.
+        let anywhere = if visible { Vec::new() } else { self.registrar.whitened(self.pattern, self.view) };
+        if anywhere.iter().any(|start| self.moments(start, false, "moments-whitened")) {
+            return;
+        }
         for k in [4, 2, 6, 1, 7, 3, 5] {
             let start = disturbed.turned(&centred, f64::from(k) * std::f64::consts::FRAC_PI_4);
             if self.moments(&start, visible, "moments-turned") {
@@ -154,26 +158,36 @@ impl<'a> Hunt<'a> {
         }
     }
 
-    /// Look for a theta near the best one whose edges are clearly nearer; say whether one was found.
+    /// Look for a theta about the best one that explains the frame clearly better: a fit may rest beside the pattern, most of all where
+    /// parts of the contour are missing. Say whether one was found.
     pub fn improve(&mut self, seed: u64) -> bool {
-        let Some((theta, before, _)) = self.best.clone() else { return false };
+        let Some((theta, mut best, _)) = self.best.clone() else { return false };
         let mut disturbed = Disturbed::new(self.registrar, self.pattern, seed);
-        for k in 0..IMPROVED_STARTS {
-            let start = disturbed.near(&theta, if k % 2 == 0 { 0.7 } else { 1.2 });
+        let mut starts = disturbed.tilted(&theta);
+        starts.extend((0..IMPROVED_STARTS).map(|k| disturbed.near(&theta, if k % 2 == 0 { 0.7 } else { 1.2 })));
+        let mut improved = false;
+        for start in &starts {
             self.starts += 1;
-            let Some(fit) = self.registrar.fit_outline(self.outlined, self.view, &start, Schedule::FAR) else {
+            let fit = |from: &[f64], schedule| {
+                let fit = self.registrar.fit_outline(self.outlined, self.view, from, schedule)?;
+                let plausible = self.registrar.is_plausible(self.pattern, &fit.theta);
+                let quality = self.registrar.quality_of(self.outlined, self.pattern, self.view, &fit.theta);
+                plausible.then_some((fit.theta, quality))
+            };
+            let Some((near, quality)) = fit(start, Schedule::ABOUT) else { continue };
+            if !quality.promises(&best) {
+                continue;
+            }
+            let Some((theta, quality)) = fit(&near, Schedule::NEAR).filter(|(_, quality)| quality.beats(&best)) else {
                 continue;
             };
-            if !self.registrar.is_plausible(self.pattern, &fit.theta) {
-                continue;
-            }
-            let quality = self.registrar.quality_of(self.outlined, self.pattern, self.view, &fit.theta);
-            let nearer = self.best.as_ref().is_none_or(|(_, best, _)| quality.median < CLEARLY * best.median);
-            if nearer && quality.share > 0.97 * before.share {
-                self.best = Some((fit.theta, quality, "improved"));
+            self.best = Some((theta, quality, "improved"));
+            (best, improved) = (quality, true);
+            if quality.is_settled() {
+                break;
             }
         }
-        self.best.as_ref().is_some_and(|(_, best, _)| best.median < before.median)
+        improved
     }
 
     /// Find a theta by moments and finish it by the contour; say whether it is accepted.

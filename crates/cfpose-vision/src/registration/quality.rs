@@ -7,11 +7,19 @@ use super::greys::Greys;
 use super::pattern::Pattern;
 use super::registrar::{Outlined, Registrar};
 use super::sight::Sight;
+use super::verdict::FLOOR;
 use super::view::View;
 use cfpose_optim::manifold::determinant3;
 
 /// Edges within this distance belong to the contour, pixels.
 const INLIER: f64 = 1.5;
+
+/// Median distance of edges, as a share of the deviation that is expected and per squared deviation of the blur, from which it is too far.
+const SETTLED: f64 = 0.95;
+const BLURRED: f64 = 0.003;
+
+/// Ratio of median distances from which one theta is nearer than another.
+const CLEARLY: f64 = 0.9;
 
 /// How well a theta explains a frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -56,6 +64,24 @@ impl Quality {
     /// Return the number by which candidates are compared: higher is better.
     pub fn score(&self) -> f64 {
         self.share + self.frame_explained.max(self.reference_explained) - 2.0 * self.median.min(1.0)
+    }
+
+    /// Say whether the edges are as near as noise lets expect: of normal distances the median is .67 deviations.
+    pub fn is_settled(&self) -> bool {
+        self.median < SETTLED * self.expected.hypot(FLOOR) + BLURRED * self.blur.powi(2)
+    }
+
+    /// Say whether edges are clearly nearer than those of another theta, on no less of the contour, or as near on clearly more of it.
+    pub(super) fn beats(&self, other: &Self) -> bool {
+        let (share, before) = (self.share * self.visible, other.share * other.visible);
+        let nearer = self.median < CLEARLY * other.median && share > 0.97 * before;
+        nearer || (self.median < 1.2 * other.median.max(self.expected) && share > 1.1 * before)
+    }
+
+    /// Say whether a theta that has not been fitted to its end may yet beat another.
+    pub(super) fn promises(&self, other: &Self) -> bool {
+        self.median < 1.5 * other.median.max(self.expected)
+            && self.share * self.visible > 0.9 * other.share * other.visible
     }
 
     /// Return the larger share of a region that the other one explains.

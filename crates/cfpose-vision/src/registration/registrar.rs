@@ -198,7 +198,10 @@ impl Registrar {
     pub fn register(&self, pattern: &Pattern, view: &View, last: Option<&[f64]>, seed: u64) -> Option<Registered> {
         let outlined = self.outlined(pattern).ok()?;
         let by_greys = pattern.greys.as_ref().and_then(|greys| self.register_greys(greys, pattern, view, last, seed));
-        if let Some(found) = by_greys.as_ref().filter(|found| found.verdict.accepted()) {
+        // With most of the steps between greys the pattern is found, however far off its edges may be: one threshold tells no more.
+        let is_found =
+            |found: &&Registered| found.verdict.accepted() || found.quality.share * found.quality.visible > SUPPORT;
+        if let Some(found) = by_greys.as_ref().filter(is_found) {
             return Some(found.clone());
         }
         let mut hunt = Hunt::new(self, &outlined, pattern, view);
@@ -215,13 +218,15 @@ impl Registrar {
         let (outlined, pattern, view) = (hunt.outlined, hunt.pattern, hunt.view);
         let (theta, quality, _) = hunt.best.clone()?;
         let (theta, quality, repeated) = self.among_shifts(outlined, pattern, view, theta, quality);
-        let (theta, mut quality, mut rivals) = self.tilts(outlined, pattern, view, theta, quality);
-        let (mut settled, mut covariance, mut crisp) = self.settled(outlined, pattern, view, theta, &quality);
-        if !crisp && hunt.improve(seed) {
-            let (nearer, of_nearer, _) = hunt.best.clone()?;
-            let found = self.tilts(outlined, pattern, view, nearer, of_nearer);
-            (quality, rivals) = (found.1, found.2);
-            (settled, covariance, crisp) = self.settled(outlined, pattern, view, found.0, &quality);
+        let (mut theta, mut quality, mut rivals) = self.tilts(outlined, pattern, view, theta, quality);
+        let (mut settled, mut covariance, mut crisp) = self.settled(outlined, pattern, view, theta.clone(), &quality);
+        if !crisp || (accepts(pattern, view, &quality) && !quality.is_settled()) {
+            hunt.best = hunt.best.map(|(_, _, by)| (theta, quality, by));
+            if hunt.improve(seed) {
+                (theta, quality, _) = hunt.best.clone()?;
+                (theta, quality, rivals) = self.tilts(outlined, pattern, view, theta, quality);
+                (settled, covariance, crisp) = self.settled(outlined, pattern, view, theta, &quality);
+            }
         }
         let accepted = accepts(pattern, view, &quality);
         let (theta, starts, by) = (settled, hunt.starts, hunt.best.map_or("", |(_, _, by)| by));

@@ -29,9 +29,16 @@ impl Registrar {
     ) -> (Vec<f64>, Quality, Vec<Rival>) {
         let mut rivals = self.rivals(outlined, pattern, view, &view.points[0], &theta, Schedule::TILT);
         for _ in 0..BETTER {
-            let Some(better) = rivals.first().filter(|rival| rival.ratio < 1.0) else { break };
+            let of = |rival: &Rival| self.quality_of(outlined, pattern, view, &rival.theta);
+            let qualities: Vec<Quality> = rivals.iter().map(of).collect();
+            // Edges that only one of two thetas has tell nothing in their ratio: the share of the contour decides where it differs.
+            let better = rivals
+                .iter()
+                .zip(qualities)
+                .find(|(rival, other)| other.beats(&quality) || (rival.ratio < 1.0 && !quality.beats(other)));
+            let Some((better, of_better)) = better else { break };
             theta.clone_from(&better.theta);
-            quality = self.quality_of(outlined, pattern, view, &theta);
+            quality = of_better;
             rivals = self.rivals(outlined, pattern, view, &view.points[0], &theta, Schedule::TILT);
         }
         (theta, quality, rivals)
@@ -92,7 +99,9 @@ impl Registrar {
             return f64::INFINITY;
         };
         let (mut sum, mut count) = (0.0_f64, 0.0);
-        for (_, b) in there.distances.iter().zip(&here.distances).filter(|(a, _)| a.abs() < 1.5) {
+        let pairs = there.distances.iter().zip(here.distances.iter().zip(&here.visible));
+        // A place that moves behind something or out of the frame has no edge to be far from.
+        for (_, (b, _)) in pairs.filter(|(a, (_, visible))| a.abs() < 1.5 && **visible) {
             let distance = if b.is_nan() { MOST } else { b.clamp(-MOST, MOST) };
             sum += distance * distance;
             count += 1.0;

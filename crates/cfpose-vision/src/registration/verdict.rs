@@ -22,7 +22,7 @@ pub(super) const SUPPORT: f64 = 0.6;
 pub(super) const SUPPORT_OF_GREYS: f64 = 0.45;
 
 /// Pixels by which an edge is wrong whatever the noise: the grid, 8 bits, the search.
-const FLOOR: f64 = 0.02;
+pub(super) const FLOOR: f64 = 0.02;
 
 /// Pixels over which the shifts of neighbouring edges by blur are alike.
 const ALIKE: f64 = 40.0;

@@ -11,6 +11,9 @@ const BLOCK: usize = 16;
 /// Rounds of reweighting.
 const ROUNDS: usize = 25;
 
+/// Distance from a surface, as a share of the light, at which a pixel counts half.
+const CLOSE: f64 = 0.008;
+
 /// A quadratic function of the place: coefficients of 1, x, y, x^2, x y, y^2 with x and y from -1 to 1 over the image.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Surface([f64; 6]);
@@ -59,7 +62,8 @@ pub fn place(at: f64, count: usize) -> f64 {
 /// Fit the background of a dark pattern: pixels below the surface hardly count, those above little, over-exposed ones not at all.
 ///
 /// The rounds begin twice, from a fit of all pixels (a gradient of the light) and from a flat surface at `level` (a large region of
-/// another grey); the result that more pixels lie on is taken.
+/// another grey); the result on which more pixels lie closely is taken: a surface that bends down to a region of another grey passes the
+/// background at a distance.
 pub fn surface(light: &Raster, level: f32, clipped: f32) -> Option<Surface> {
     through(&blocks(light, clipped), level)
 }
@@ -71,8 +75,9 @@ pub fn through(samples: &[(f64, f64, f64)], level: f32) -> Option<Surface> {
     }
     let begins = [fit(samples, &vec![1.0; samples.len()]), Some(Surface::constant(level))];
     let found = begins.into_iter().flatten().filter_map(|begin| rounds(samples, begin));
-    let on = |surface: &Surface| {
-        samples.iter().filter(|(u, v, value)| (value / surface.at(*u, *v).max(1e-6) - 1.0).abs() < 0.03).count()
+    let on = |surface: &Surface| -> f64 {
+        let off = |(u, v, value): &(f64, f64, f64)| (value / surface.at(*u, *v).max(1e-6) - 1.0) / CLOSE;
+        samples.iter().map(|sample| 1.0 / (1.0 + off(sample).powi(2))).sum()
     };
     found.reduce(|a, b| if on(&b) > on(&a) { b } else { a })
 }
