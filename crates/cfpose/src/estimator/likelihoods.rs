@@ -15,32 +15,38 @@ const LAST_NEIGHBOURS: usize = 32;
 /// Deviations of the noise that the neighbours of a target point reach over: those left out bend the fit towards the inside of a
 /// curve. At 2.5 the mean squared error of noisy curves was 5 to 100 times the variance, at 4 it is once to twice.
 const REACH: f64 = 4.0;
+/// Share of clutter up to which a rough fit may be of a part.
+const PART: f64 = 0.6;
 /// Source points that are kept in any case.
 const LEAST: usize = 150;
 
 impl Search<'_> {
     /// Prepare the likelihood that modes are compared by.
     pub fn comparison(&self, source_points: usize) -> Result<Option<PointsLikelihood<'_>>, Error> {
-        self.represented(source_points, self.parts.criteria.fine_points[1], NEIGHBOURS[1], "modes")
+        let [most, num_target] = self.parts.criteria.fine_points;
+        self.prepared([source_points, most], num_target, NEIGHBOURS[1], "modes")
     }
 
-    /// Return how many source points modes are compared on: as many as the noise of a rough fit lets take part.
-    pub fn compared_points(&self, rough: Option<&Fit>) -> Result<usize, Error> {
+    /// Return how many source points modes are compared on: as many as the noise of rough fits lets take part, of that with the least noise: a
+    /// part that fits exactly is told from a whole that fits roughly by all points only.
+    pub fn compared_points(&self, rough: &[Fit]) -> Result<usize, Error> {
         let most = self.parts.criteria.fine_points[0];
-        rough.map_or(Ok(most), |fit| self.within_reach(fit, most, NEIGHBOURS[1]))
+        let exact = rough.iter().filter(|fit| fit.mixture.clutter < PART);
+        let exact = exact.min_by(|a, b| a.mixture.sigma.total_cmp(&b.mixture.sigma));
+        exact.map_or(Ok(most), |fit| self.within_reach(fit, most, NEIGHBOURS[1]))
     }
 
     /// Prepare the likelihood of the last fit: of as many points as the noise lets take part.
     pub fn wide_enough(&self, fit: &Fit, target_points: usize) -> Result<Option<PointsLikelihood<'_>>, Error> {
         let Some(points) = &self.pipeline.points else { return Ok(None) };
         let count = self.within_reach(fit, points.source_points, LAST_NEIGHBOURS)?;
-        self.represented(count, target_points, LAST_NEIGHBOURS, "points")
+        self.prepared([count, points.source_points], target_points, LAST_NEIGHBOURS, "points")
     }
 
     /// Prepare the likelihood that tells what of both sides is seen: of at most so many source and target points.
     pub fn seeing(&self, fit: &Fit, points: [usize; 2]) -> Result<Option<PointsLikelihood<'_>>, Error> {
         let count = self.within_reach(fit, points[0], NEIGHBOURS[1])?;
-        self.represented(count, points[1], NEIGHBOURS[1], "seen")
+        self.prepared([count, points[0]], points[1], NEIGHBOURS[1], "seen")
     }
 
     /// Return the largest number of source points, at most so many, of which the neighbours of a target point reach over the noise.
@@ -54,36 +60,27 @@ impl Search<'_> {
 
     /// Return how far the neighbours of a target point reach, of so many source points: the median of a few.
     fn reach(&self, fit: &Fit, source_points: usize, neighbours: usize) -> Result<f64, Error> {
-        let few = self.likelihood([source_points, 100], neighbours, "points")?;
+        let few = self.prepared([source_points; 2], 100, neighbours, "points")?;
         Ok(few.and_then(|few| few.place(&fit.theta, false).map(|placed| few.reach(&placed))).unwrap_or(0.0))
     }
 
-    /// Thin the target of the last stage at random, let points that cover the source stand for all of it, and prepare their likelihood.
-    fn represented(
+    /// Thin both sides of the last stage at random and prepare their likelihood. Where noise lets take part fewer source points than `most`, those
+    /// that cover the source stand for all of it: a random few would leave gaps.
+    fn prepared(
         &self,
-        num_source: usize,
+        [num_source, most]: [usize; 2],
         num_target: usize,
         neighbours: usize,
         name: &str,
     ) -> Result<Option<PointsLikelihood<'_>>, Error> {
         let stage = self.last();
-        let source = represent(&stage.all_source, num_source).map_err(of_side(Side::Source))?;
         let mut rng = stream(self.parts.settings.seed, name);
-        let target = draw(&stage.sides.mapped_target, num_target, &mut rng).map_err(of_side(Side::Target))?;
-        let likelihood = PointsLikelihood::new(&stage.problem, &source, target.rows(), neighbours);
-        Ok(likelihood.map(|likelihood| likelihood.with_interrupt(self.interrupt)))
-    }
-
-    /// Thin both sides of the last stage at random and prepare their likelihood.
-    fn likelihood(
-        &self,
-        [num_source, num_target]: [usize; 2],
-        neighbours: usize,
-        name: &str,
-    ) -> Result<Option<PointsLikelihood<'_>>, Error> {
-        let stage = self.last();
-        let mut rng = stream(self.parts.settings.seed, name);
-        let source = draw(&stage.all_source, num_source, &mut rng).map_err(of_side(Side::Source))?;
+        let source = if num_source < most.min(stage.all_source.len()) {
+            represent(&stage.all_source, num_source)
+        } else {
+            draw(&stage.all_source, num_source, &mut rng)
+        };
+        let source = source.map_err(of_side(Side::Source))?;
         let target = draw(&stage.sides.mapped_target, num_target, &mut rng).map_err(of_side(Side::Target))?;
         let likelihood = PointsLikelihood::new(&stage.problem, &source, target.rows(), neighbours);
         Ok(likelihood.map(|likelihood| likelihood.with_interrupt(self.interrupt)))

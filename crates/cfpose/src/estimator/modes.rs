@@ -103,7 +103,7 @@ impl Search<'_> {
         let coarse = coarse.with_noise_above(COARSE_NOISE);
         let aligned = self.aligned(&coarse, found, given)?;
         let roughly = self.ascended(&coarse, self.worth_polishing(aligned.clone(), self.parts.criteria.ascended));
-        let source_points = self.compared_points(most_likely(&roughly))?;
+        let source_points = self.compared_points(&roughly)?;
         let Some(fine) = self.comparison(source_points)? else { return Ok(None) };
         let Some(modes) = self.modes_among(&fine, roughly, given)? else { return Ok(None) };
         let modes = Modes { source_points, ..modes };
