@@ -111,15 +111,29 @@ impl Search<'_> {
         if !self.is_misfit(&fine, first) {
             return Ok(Some(modes));
         }
-        let most = LESS_NOISE * first.mixture.sigma / fine.size;
-        let (coarse, fine) = (coarse.with_noise_below(most), fine.with_noise_below(most));
+        Ok(Some(self.exact_modes(coarse, aligned, given, first)?.unwrap_or(modes)))
+    }
+
+    /// Look for modes with much less noise than a misfit has; `None` where there are none that are beyond chance, or only misfits again.
+    fn exact_modes(
+        &self,
+        coarse: PointsLikelihood<'_>,
+        aligned: Vec<(f64, Vec<f64>)>,
+        given: &[Vec<f64>],
+        misfit: &Fit,
+    ) -> Result<Option<Modes>, Error> {
+        let most = LESS_NOISE * misfit.mixture.sigma / coarse.size;
+        let coarse = coarse.with_noise_below(most);
         let again = aligned.into_iter().filter_map(|(_, theta)| score(&coarse, theta)).collect();
         let again = self.ascended(&coarse, self.worth_polishing(again, self.parts.criteria.ascended));
+        let source_points = self.compared_points(&again)?;
+        let Some(fine) = self.comparison(source_points)? else { return Ok(None) };
+        let fine = fine.with_noise_below(most);
         let exact = self.modes_among(&fine, again, given)?;
         let tests = fine.mover.tangent() as f64 * (std::f64::consts::TAU / EXACT).ln();
         let least = tests - self.parts.criteria.false_alarms * std::f64::consts::LN_10;
         let exact = exact.filter(|exact| exact.gain > least && !self.is_misfit(&fine, &exact.all[0].fit));
-        Ok(Some(exact.map_or(modes, |exact| Modes { most_noise: Some(most), source_points, ..exact })))
+        Ok(exact.map(|exact| Modes { most_noise: Some(most), source_points, ..exact }))
     }
 
     /// Polish rough fits and given thetas into modes; `None` where there is none, or where it is time to end.
