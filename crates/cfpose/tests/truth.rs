@@ -180,16 +180,36 @@ fn units_and_offsets_change_nothing() {
     let mut rng = ChaCha12Rng::seed_from_u64(21);
     let shape = |rng: &mut ChaCha12Rng| asymmetric(PointKind::Plain(3), 2000, rng);
     let (source, seen) = (shape(&mut rng), shape(&mut rng));
+    assert_same_in_all_units(&source, &seen, 0.002, &mut rng);
+}
+
+/// Noise wider than the reach of the neighbours lets few points stand for all of the source.
+#[test]
+fn units_and_offsets_change_nothing_about_a_noisy_curve() {
+    let mut rng = ChaCha12Rng::seed_from_u64(22);
+    let (source, seen) = (space_curve(2000, &mut rng), space_curve(2000, &mut rng));
+    assert_same_in_all_units(&source, &seen, 0.05, &mut rng);
+}
+
+/// A closed curve in space without symmetry.
+fn space_curve(count: usize, rng: &mut ChaCha12Rng) -> Points {
+    let point =
+        |t: f64| [t.cos() * (1.0 + 0.3 * (2.0 * t).cos()), 0.6 * t.sin(), 0.4 * (3.0 * t).sin() + 0.2 * t.cos()];
+    let rows: Vec<[f64; 3]> = (0..count).map(|_| point(std::f64::consts::TAU * rng.random::<f64>())).collect();
+    Points::from_rows(&rows).unwrap()
+}
+
+fn assert_same_in_all_units(source: &Points, seen: &Points, sigma: f64, rng: &mut ChaCha12Rng) {
     let rows = |points: &Points| (0..points.len()).map(|k| points.point(k)).collect::<Vec<_>>();
-    let target = rows(&noisy(&placed(&rows(&seen), &pose()), PointKind::Plain(3), 0.002, &mut rng));
-    let plain = solve(&auto("rigid3"), &source, &Points::from_rows(&target).unwrap()).unwrap();
+    let target = rows(&noisy(&placed(&rows(seen), &pose()), PointKind::Plain(3), sigma, rng));
+    let plain = solve(&auto("rigid3"), source, &Points::from_rows(&target).unwrap()).unwrap();
     let truth = PoseError::between(&plain.pose.unwrap(), &pose());
     assert!(truth.total() < 0.05 && plain.verdict == Some(Verdict::Good), "{truth:?} {:?}", plain.warnings);
     for (unit, offset) in [(1e-6, 0.0), (1e6, 0.0), (1.0, 5e5), (1000.0, 4e6)] {
         let place = |rows: &[[f64; 3]]| {
             Points::from_rows(&rows.iter().map(|p| p.map(|x| unit * x + offset)).collect::<Vec<_>>()).unwrap()
         };
-        let (p, q) = (place(&rows(&source)), place(&target));
+        let (p, q) = (place(&rows(source)), place(&target));
         let found = solve(&auto("rigid3"), &p, &q).unwrap();
         let found_pose = found.pose.unwrap();
         // Where the source's first point goes, in units of the shape.

@@ -172,13 +172,17 @@ pub(crate) fn represent(points: &Points, limit: usize) -> Result<Points, PointsE
         let of = |d: usize| cell.iter().map(|k| points.column(d)[*k]).sum::<f64>() / cell.len() as f64;
         let middle: Vec<f64> = (0..points.dim()).map(of).collect();
         let far = |k: usize| (0..points.dim()).map(|d| (points.column(d)[k] - middle[d]).powi(2)).sum::<f64>();
-        let nearest = cell.iter().copied().min_by(|a, b| far(*a).total_cmp(&far(*b))).unwrap_or(cell[0]);
+        let least = cell.iter().map(|k| far(*k)).fold(f64::INFINITY, f64::min);
+        // Two points are equally near: the first one then, not the one that rounding prefers.
+        let nearest = cell.iter().copied().find(|k| far(*k) <= least * (1.0 + SAME_DISTANCE)).unwrap_or(cell[0]);
         rows.push(nearest);
         weights.push(total);
     }
     points.select(&rows)?.with_weights(weights)
 }
 
+/// Squared distances that differ by no more are one.
+const SAME_DISTANCE: f64 = 1e-6;
 /// Points that one may stand for; of more a random part is looked at.
 const REPRESENTED: usize = 25;
 

@@ -1,7 +1,7 @@
 //! Ascent of the likelihood: theta by damped Newton steps, noise and clutter by their own.
 
 use super::{Kernel, Mixture, Placed, PointsLikelihood, Sums, mixture};
-use crate::geometry::linalg::{add_outer, solve_normal};
+use crate::geometry::linalg::solve_normal;
 
 /// A theta at which the likelihood is largest nearby.
 #[derive(Debug, Clone)]
@@ -21,8 +21,6 @@ const ALWAYS_REWEIGHED: usize = 3;
 const FAR: f64 = 80.0;
 /// Steps before that.
 const GIVE_UP: usize = 5;
-/// Information of what is held, in multiples of the largest of a parameter.
-const HELD: f64 = 1e4;
 /// Noise up to this multiple of the least one is none.
 const NOISE_FREE: f64 = 2.0;
 /// A step that promises less than this is the last: where modes are compared, where one is returned.
@@ -139,13 +137,9 @@ impl PointsLikelihood<'_> {
     ) -> Option<(Vec<f64>, Placed, f64)> {
         let n = sums.gradient.len();
         for _ in 0..8 {
-            let mut matrix: Vec<f64> =
+            let matrix: Vec<f64> =
                 sums.complete.iter().zip(&sums.lost).map(|(c, l)| c * (1.0 + *damping) - l).collect();
-            if let Some(held) = ascent.held {
-                let largest = (0..n).map(|i| sums.complete[i * n + i] / held[i].abs().max(1e-3).powi(2));
-                add_outer(&mut matrix, held, HELD * largest.fold(0.0, f64::max));
-            }
-            let Some(mut step) = solve_normal(n, &matrix, &sums.gradient, 1e-9) else {
+            let Some(mut step) = solve_held(n, &matrix, &sums.gradient, ascent.held) else {
                 *damping = (*damping * 5.0).max(0.05);
                 continue;
             };
@@ -172,6 +166,16 @@ impl PointsLikelihood<'_> {
     }
 }
 
+/// Return the Newton step H^-1 g; with a linear form held, the one that does not change it: the multiplier of c's = 0 takes H^-1 c off.
+fn solve_held(n: usize, matrix: &[f64], gradient: &[f64], held: Option<&[f64]>) -> Option<Vec<f64>> {
+    let step = solve_normal(n, matrix, gradient, 1e-9)?;
+    let Some(held) = held else { return Some(step) };
+    let along = solve_normal(n, matrix, held, 1e-9)?;
+    let dot = |v: &[f64]| -> f64 { held.iter().zip(v).map(|(c, v)| c * v).sum() };
+    let multiplier = dot(&step) / dot(&along);
+    Some(step.iter().zip(&along).map(|(s, a)| s - multiplier * a).collect())
+}
+
 /// Return the factor that leads a geometric sequence of steps of ln s to its limit (Steffensen), from two steps: the fixed point of s goes
 /// four fifths of the way left at each.
 fn ahead(last: &mut f64, step: f64) -> f64 {
@@ -192,6 +196,20 @@ pub(super) fn quadratic(n: usize, matrix: &[f64], v: &[f64]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn what_is_held_does_not_change_in_any_unit() {
+        // H d = g along d = (1, -1, 0) and z, with x + y held; then the same with y and z in a unit of a millionth.
+        let (h, g, c) = ([6.0, 2.0, 0.0, 2.0, 4.0, 0.0, 0.0, 0.0, 1.0], [1.0, 2.0, 3.0], [1.0, 1.0, 0.0]);
+        let step = solve_held(3, &h, &g, Some(&c)).unwrap();
+        let expected = [-1.0 / 6.0, 1.0 / 6.0, 3.0];
+        assert!(step.iter().zip(expected).all(|(s, e)| (s - e).abs() < 1e-7), "{step:?}");
+        let unit = [1.0, 1e-6, 1e-6];
+        let scaled: Vec<f64> = (0..9).map(|at| h[at] * unit[at / 3] * unit[at % 3]).collect();
+        let of = |v: [f64; 3]| -> Vec<f64> { v.iter().zip(unit).map(|(v, u)| v * u).collect() };
+        let small = solve_held(3, &scaled, &of(g), Some(&of(c))).unwrap();
+        assert!((0..3).all(|i| (small[i] * unit[i] - expected[i]).abs() < 1e-7), "{small:?}");
+    }
 
     #[test]
     fn two_steps_of_a_geometric_sequence_tell_its_limit() {
