@@ -3,7 +3,7 @@
 use super::fit::Schedule;
 use super::pattern::Pattern;
 use super::quality::Quality;
-use super::registrar::{Outlined, Registrar};
+use super::registrar::{Outlined, Registrar, Rival};
 use super::sight::Sight;
 use super::starts::Disturbed;
 use super::view::View;
@@ -160,10 +160,12 @@ impl<'a> Hunt<'a> {
 
     /// Look for a theta about the best one that explains the frame clearly better: a fit may rest beside the pattern, most of all where
     /// parts of the contour are missing. Say whether one was found.
-    pub fn improve(&mut self, seed: u64) -> bool {
+    pub fn improve(&mut self, rivals: &[Rival], seed: u64) -> bool {
         let Some((theta, mut best, _)) = self.best.clone() else { return false };
         let mut disturbed = Disturbed::new(self.registrar, self.pattern, seed);
         let mut starts = disturbed.tilted(&theta);
+        // The fit of a tilt that the model implies may rest beside it as well.
+        starts.extend(rivals.iter().flat_map(|rival| disturbed.tilted(&rival.theta)));
         starts.extend((0..IMPROVED_STARTS).map(|k| disturbed.near(&theta, if k % 2 == 0 { 0.7 } else { 1.2 })));
         let mut improved = false;
         for start in &starts {

@@ -222,7 +222,7 @@ impl Registrar {
         let (mut settled, mut covariance, mut crisp) = self.settled(outlined, pattern, view, theta.clone(), &quality);
         if !crisp || (accepts(pattern, view, &quality) && !quality.is_settled()) {
             hunt.best = hunt.best.map(|(_, _, by)| (theta, quality, by));
-            if hunt.improve(seed) {
+            if hunt.improve(&rivals, seed) {
                 (theta, quality, _) = hunt.best.clone()?;
                 (theta, quality, rivals) = self.tilts(outlined, pattern, view, theta, quality);
                 (settled, covariance, crisp) = self.settled(outlined, pattern, view, theta, &quality);
