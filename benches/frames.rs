@@ -1,6 +1,6 @@
 //! A stream of frames: an estimator built once and solved many times repeats none of the set-up.
 //!
-//! `cargo bench -p cfpose-benches --bench frames`. 1000 frames of 300 points, `rigid3`, preset `auto`, each begun where the last one
+//! `cargo bench -p cfpose-benches --bench frames`. 100 frames of 300 points, `rigid3`, preset `auto`, each begun where the last one
 //! ended. Three ways in one run: the estimator is built for every frame; it is built once and solved again; it is built once and
 //! gets the next target. The last column is the time of a frame over that of the first way.
 //!
@@ -15,7 +15,7 @@ use cfpose::{Estimator, Execution, Points, Registry, Settings, Supervision};
 use cfpose_lab::rendered::{RenderedSequence, SEQUENCES, draw_sequence, prepare_sequence};
 use cfpose_vision::{SegmentOptions, Transfer};
 
-const FRAMES: usize = 1000;
+const FRAMES: usize = 100;
 
 /// A bent sheet of 300 points.
 fn sheet() -> Vec<[f64; 3]> {
@@ -98,7 +98,7 @@ fn points() -> Result<(), cfpose::Error> {
 
     let (mut theta, begun) = (start.clone(), Instant::now());
     for k in 0..FRAMES {
-        let target = frame(&rows, 0.1 + 1e-3 * k as f64);
+        let target = frame(&rows, 0.1 + 1e-2 * k as f64);
         theta = estimator.with_target(&target)?.solve_from(&[theta], Supervision::default())?.theta;
     }
     let stream = begun.elapsed().as_secs_f64() / FRAMES as f64;
