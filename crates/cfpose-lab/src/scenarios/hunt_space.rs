@@ -30,7 +30,7 @@ struct HuntSpace {
     unit: f64,
 }
 
-const KINDS: [(&str, Option<Kind>); 8] = [
+const KINDS: [(&str, Option<Kind>); 14] = [
     ("any", None),
     ("star", Some(Kind::Star)),
     ("bump", Some(Kind::Bump)),
@@ -39,6 +39,12 @@ const KINDS: [(&str, Option<Kind>); 8] = [
     ("box", Some(Kind::Box)),
     ("cube", Some(Kind::Cube)),
     ("plate", Some(Kind::Plate)),
+    ("sphere", Some(Kind::Sphere)),
+    ("cylinder", Some(Kind::Cylinder)),
+    ("torus", Some(Kind::Torus)),
+    ("disk", Some(Kind::Disk)),
+    ("ring", Some(Kind::Ring)),
+    ("rod", Some(Kind::Rod)),
 ];
 
 impl HuntSpace {
@@ -169,7 +175,11 @@ pub(super) const ENTRY: ScenarioEntry = ScenarioEntry {
             meaning: "number of source points, 8 to 1000000, or any: 20 to 3000 at random",
         },
         ParameterSpec { name: "damage", default: "any", meaning: "any, or none: no cut, clutter, impostors" },
-        ParameterSpec { name: "body", default: "any", meaning: "any, star, bump, cup, revolution, box, cube or plate" },
+        ParameterSpec {
+            name: "body",
+            default: "any",
+            meaning: "star, bump, cup, revolution, box, cube, plate, any of these, sphere, cylinder, torus, disk, ring or rod",
+        },
         ParameterSpec { name: "offset", default: "0", meaning: "added to every coordinate of both sides" },
         ParameterSpec { name: "unit", default: "1", meaning: "length of the body's radius in the files, > 0" },
     ],

@@ -11,12 +11,12 @@
 //! s (noise) and c (clutter) are unknowns. Means of features decide where to look; this decides what is true: its logarithm is
 //! compared between modes, kinds of sampling and chance, in nats. Responsibilities say which points of *both* sides take part.
 
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use cfpose_kernel::points::Points;
 use cfpose_optim::Interrupt;
 
-use super::neighbours::Neighbours;
+use super::neighbours::{Neighbour, Neighbours};
 use super::{Mapped, Mover};
 use crate::geometry::linalg::{add_outer, symmetrise};
 use crate::problem::MomentProblem;
@@ -24,6 +24,7 @@ use crate::problem::MomentProblem;
 pub(crate) mod align;
 mod coherence;
 mod covariance;
+mod edges;
 mod fit;
 mod kernels;
 mod mixture;
@@ -75,6 +76,8 @@ pub(crate) struct PointsLikelihood<'a> {
     most_hidden: f64,
     /// Source points near a target point that may explain it, at most.
     neighbours: usize,
+    /// Neighbours of the target points among themselves, once they are asked for.
+    around: OnceLock<Vec<Vec<Neighbour>>>,
     /// When to end early: alignments and ascents then return nothing.
     interrupt: Interrupt<'a>,
 }
@@ -90,8 +93,10 @@ pub(crate) struct Placed {
     distances: Vec<[f64; 2]>,
     /// ln of the weights of the source points here.
     log_weights: Vec<f64>,
-    /// What the choice of weights costs, in nats.
+    /// What the choice of weights costs, in nats, and what the target points that are left out had: both stay while theta moves.
     cost: f64,
+    /// Target points that take no part in theta and noise ([`PointsLikelihood::beside_edges`]); empty: none.
+    left_out: Vec<bool>,
 }
 
 /// Lists of neighbours, and where the source was when they were made.
@@ -149,6 +154,7 @@ impl<'a> PointsLikelihood<'a> {
             noise: mixture::SIGMA,
             most_hidden: weights::MOST_HIDDEN[0],
             neighbours,
+            around: OnceLock::new(),
             interrupt: Interrupt::default(),
         })
     }
@@ -192,6 +198,7 @@ impl<'a> PointsLikelihood<'a> {
         let mut placed = self.place_with(mapped, other.frames.clone(), near);
         placed.log_weights.clone_from(&other.log_weights);
         placed.cost = other.cost;
+        placed.left_out.clone_from(&other.left_out);
         Some(placed)
     }
 
@@ -224,6 +231,7 @@ impl<'a> PointsLikelihood<'a> {
             distances: Vec::new(),
             log_weights: self.log_weights.clone(),
             cost: 0.0,
+            left_out: Vec::new(),
         };
         self.measure(&mut placed);
         placed
@@ -285,6 +293,9 @@ impl<'a> PointsLikelihood<'a> {
         let (mut mass, mut nearest) = (vec![0.0; placed.mapped.x.len()], vec![0.0; placed.mapped.x.len()]);
         let kernels = self.kernels(placed, mixture);
         for (j, q) in self.target.iter().enumerate() {
+            if placed.is_left_out(j) {
+                continue;
+            }
             let near = placed.near_to(j);
             sums.log_likelihood += kernels.responsibilities(placed, j, &mut shares).0;
             nearest[near[0] as usize] += 1.0;
@@ -344,7 +355,10 @@ impl<'a> PointsLikelihood<'a> {
     fn total(&self, placed: &Placed, mixture: &Mixture) -> (f64, f64) {
         let kernels = self.kernels(placed, mixture);
         let mut shares = vec![0.0; placed.each];
-        let of = |j: usize| kernels.responsibilities(placed, j, &mut shares);
+        let of = |j: usize| {
+            let (value, inlier) = kernels.responsibilities(placed, j, &mut shares);
+            (if placed.is_left_out(j) { 0.0 } else { value }, inlier)
+        };
         let (sum, inliers) = (0..self.target.len()).map(of).fold((0.0, 0.0), |(a, b), (x, y)| (a + x, b + y));
         (sum - placed.cost, inliers)
     }
@@ -406,6 +420,11 @@ impl Placed {
         let v: [f64; 3] = std::array::from_fn(|d| q[d] - x[d]);
         let on = axis[0] * v[0] + axis[1] * v[1] + axis[2] * v[2];
         [on, (v[0] * v[0] + v[1] * v[1] + v[2] * v[2] - on * on).max(0.0)]
+    }
+
+    /// Say whether target point `j` takes no part in theta and noise.
+    fn is_left_out(&self, j: usize) -> bool {
+        self.left_out.get(j).is_some_and(|out| *out)
     }
 
     /// Return the source points near target point `j`.

@@ -27,6 +27,18 @@ pub(in crate::scenarios) enum Kind {
     Cube,
     /// A flat star-shaped outline, filled: thickness 0.
     Plate,
+    /// A sphere: no turn is determined. This kind and the next ones are not drawn where any body is asked for.
+    Sphere,
+    /// A closed cylinder's side: turns about its axis, and it may be upside down.
+    Cylinder,
+    /// A torus.
+    Torus,
+    /// A filled circle: a plane that ends.
+    Disk,
+    /// A circle.
+    Ring,
+    /// A piece of a straight line.
+    Rod,
 }
 
 /// A body of radius about 1.
@@ -97,6 +109,32 @@ impl Body {
                     * (0.6 + 0.2 * (2.0 * angle + TAU * a).cos() + 0.15 * (3.0 * angle + TAU * b).cos());
                 [radius * angle.cos(), radius * angle.sin(), 0.0]
             }
+            Kind::Sphere => direction(rng),
+            Kind::Cylinder => {
+                let (angle, half) = (TAU * rng.random::<f64>(), 0.4 + 0.4 * b);
+                [0.5 * angle.cos(), 0.5 * angle.sin(), rng.random_range(-half..half)]
+            }
+            Kind::Torus => {
+                let (angle, tube) = (TAU * rng.random::<f64>(), 0.15 + 0.15 * a);
+                // Uniform on the surface: the outside of the tube has more of it.
+                let around = loop {
+                    let around = TAU * rng.random::<f64>();
+                    if rng.random::<f64>() < 1.0 - tube + tube * around.cos() {
+                        break around;
+                    }
+                };
+                let radius = 1.0 - tube + tube * around.cos();
+                [radius * angle.cos(), radius * angle.sin(), tube * around.sin()]
+            }
+            Kind::Disk => {
+                let (angle, radius) = (TAU * rng.random::<f64>(), rng.random::<f64>().sqrt());
+                [radius * angle.cos(), radius * angle.sin(), 0.0]
+            }
+            Kind::Ring => {
+                let angle = TAU * rng.random::<f64>();
+                [angle.cos(), angle.sin(), 0.0]
+            }
+            Kind::Rod => [0.0, 0.0, rng.random_range(-1.0..1.0)],
         }
     }
 
@@ -107,12 +145,18 @@ impl Body {
             // A flat plate lies on itself turned about an axis in it only when its outline is symmetric; its two sides are not
             // told apart by a reflection, which is no rotation.
             Kind::Plate => Determined::Theta,
-            Kind::Revolution => Determined::ButADirection,
+            Kind::Revolution
+            | Kind::Sphere
+            | Kind::Cylinder
+            | Kind::Torus
+            | Kind::Disk
+            | Kind::Ring
+            | Kind::Rod => Determined::ButADirection,
             Kind::Box | Kind::Cube => Determined::OneOfSeveral,
         }
     }
 
-    /// Return rotations (row by row) that map the body onto itself; of a body of revolution 720 turns.
+    /// Return rotations (row by row) that map the body onto itself; of a body of revolution 720 turns, of a sphere some from all sides.
     pub fn symmetries(&self) -> Vec<[f64; 9]> {
         let identity = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0];
         let about = |axis: usize, angle: f64| {
@@ -122,6 +166,23 @@ impl Body {
         };
         match self.kind {
             Kind::Revolution => (0..720).map(|k| about(2, TAU * f64::from(k) / 720.0)).collect(),
+            Kind::Cylinder | Kind::Torus | Kind::Disk | Kind::Ring | Kind::Rod => {
+                let turns = (0..720).map(|k| about(2, TAU * f64::from(k) / 720.0));
+                turns.flat_map(|turn| [turn, multiply3(&turn, &about(0, 0.5 * TAU))]).collect()
+            }
+            // A turn about z, then the axis anywhere: at most 4 degrees from every rotation.
+            Kind::Sphere => {
+                let (steps, count) = (60, 1500);
+                let turn = |k: usize| about(2, TAU * k as f64 / steps as f64);
+                let golden = std::f64::consts::PI * (3.0 - 5.0_f64.sqrt());
+                let tilt = |k: usize| {
+                    let height = 1.0 - (2 * k + 1) as f64 / count as f64;
+                    let (across, around) = (height.acos(), golden * k as f64);
+                    rotation_exp(&[-across * around.sin(), across * around.cos(), 0.0])
+                };
+                let all = (0..count).flat_map(|k| (0..steps).map(move |at| (k, at)));
+                std::iter::once(identity).chain(all.map(|(k, at)| multiply3(&tilt(k), &turn(at)))).collect()
+            }
             Kind::Box => std::iter::once(identity).chain((0..3).map(|axis| about(axis, 0.5 * TAU))).collect(),
             Kind::Cube => {
                 let mut all = vec![identity];

@@ -49,6 +49,9 @@ impl PointsLikelihood<'_> {
         let (mut shares, mut score, mut pull) = (vec![0.0; placed.each], vec![0.0; n], vec![0.0; n]);
         let kernels = self.kernels(placed, mixture);
         for (j, q) in self.target.iter().enumerate() {
+            if placed.is_left_out(j) {
+                continue;
+            }
             kernels.responsibilities(placed, j, &mut shares);
             score.fill(0.0);
             for (share, k) in shares.iter().zip(placed.near_to(j)) {

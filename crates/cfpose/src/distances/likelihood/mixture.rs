@@ -75,6 +75,9 @@ impl PointsLikelihood<'_> {
         let (mut shares, mut variance, mut inliers) = (vec![0.0; placed.each], [0.0; 2], 0.0);
         for j in 0..self.target.len() {
             inliers += kernels.responsibilities(placed, j, &mut shares).1;
+            if placed.is_left_out(j) {
+                continue;
+            }
             for (at, (share, k)) in shares.iter().zip(placed.near_to(j)).enumerate() {
                 if *share > NEGLIGIBLE {
                     let [on, off] = placed.distances[j * placed.each + at];

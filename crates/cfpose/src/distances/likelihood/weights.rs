@@ -19,6 +19,7 @@ impl PointsLikelihood<'_> {
     pub fn reweigh(&self, placed: &mut Placed, mixture: &Mixture) {
         placed.log_weights.clone_from(&self.log_weights);
         placed.cost = 0.0;
+        placed.left_out.clear();
         let (mass, inliers) = self.masses(placed, mixture);
         let weights: Vec<f64> = self.log_weights.iter().map(|log| log.exp()).collect();
         let hidden = self.shape.below(&mass, &weights, inliers, SEEN);
@@ -35,6 +36,12 @@ impl PointsLikelihood<'_> {
             let (mass, inliers) = self.masses(placed, mixture);
             let even = inliers / if has_hidden { 1.0 - share } else { 1.0 };
             self.shape.prices(&mass, &weights, even, CAPACITY, &mut placed.log_weights);
+        }
+        let left_out = self.beside_edges(placed, mixture, if has_hidden { share } else { 0.0 });
+        if !left_out.is_empty() {
+            let each = self.log_each(placed, mixture);
+            placed.cost -= each.iter().zip(&left_out).filter(|(_, out)| **out).map(|(value, _)| value).sum::<f64>();
+            placed.left_out = left_out;
         }
     }
 

@@ -1,0 +1,102 @@
+//! Where one side ends and the other goes on: target points there are left out of what theta is fitted to.
+
+use super::{Mixture, Placed, PointsLikelihood};
+use crate::distances::neighbours::{Neighbour, Neighbours};
+
+/// Deviations of a kernel that the neighbourhood of a target point reaches over.
+const REACH: f64 = 4.0;
+/// Neighbours of a target point among the target, at most.
+const LIST: usize = 96;
+/// How far the middles of what both sides show around a point may differ, in reaches: .5 where one of them ends.
+const DIFFERS: f64 = 0.3;
+/// The same in deviations of the difference by chance: offsets along a line are uniform within the reach, so the mean of n of them has
+/// the deviation (3 n)^-1/2.
+const CHANCE: f64 = 3.0;
+/// Share of clutter, or of a hidden source, from which on something is missing.
+const MISSING: f64 = 0.03;
+/// Share of the inliers that may be left out: more of them say that theta is not near yet.
+const MOST: f64 = 0.4;
+
+impl PointsLikelihood<'_> {
+    /// Return the target points around which one side ends and the other goes on; empty where there are none.
+    ///
+    /// In the middle of a shape the source points that may explain a target point lie on both sides of it, and what its noise moves it
+    /// along the shape cancels. Where the source ends and the target goes on, they lie on one side: the points behind the end pull it
+    /// towards them, by a deviation of the noise each. Leaving out all target points up to where both sides go on again takes nothing
+    /// from the others: a choice by where a target point lies does not depend on which source point it comes from.
+    pub(super) fn beside_edges(&self, placed: &Placed, mixture: &Mixture, hidden: f64) -> Vec<bool> {
+        if mixture.clutter < MISSING && hidden < MISSING {
+            return Vec::new();
+        }
+        let near = self.around.get_or_init(|| neighbours_of(&self.target, placed.mapped.dim));
+        let reach = self.width(placed, mixture) * REACH;
+        let out: Vec<bool> =
+            (0..self.target.len()).map(|j| self.is_beside_edge(placed, j, &near[j], reach)).collect();
+        let inliers = self.responsibilities(placed, mixture);
+        let lost: f64 = inliers.iter().zip(&out).filter(|(_, out)| **out).map(|(share, _)| share).sum();
+        if lost > 0.0 && lost < MOST * inliers.iter().sum::<f64>() { out } else { Vec::new() }
+    }
+
+    /// Return the deviation of a kernel along the shape: noise, and the median tangential width.
+    fn width(&self, placed: &Placed, mixture: &Mixture) -> f64 {
+        let mut widths: Vec<f64> = placed.frames.iter().map(|frame| frame.across.max(frame.along)).collect();
+        let middle = widths.len() / 2;
+        (mixture.sigma * mixture.sigma + *widths.select_nth_unstable_by(middle, f64::total_cmp).1).sqrt()
+    }
+
+    /// Say whether the middles of the source and of the target around a target point differ along the shape.
+    fn is_beside_edge(&self, placed: &Placed, j: usize, of_target: &[Neighbour], reach: f64) -> bool {
+        let q = self.target[j];
+        let offset = |x: &[f64; 3]| -> [f64; 3] { std::array::from_fn(|d| x[d] - q[d]) };
+        let square = |v: &[f64; 3]| v.iter().map(|v| v * v).sum::<f64>();
+        let near = placed.near_to(j);
+        let is_all = near.len() == placed.mapped.x.len();
+        let farthest = near.iter().map(|k| square(&offset(&placed.mapped.x[*k as usize]))).fold(0.0, f64::max);
+        let mut within = reach * reach;
+        if !is_all {
+            within = within.min(farthest);
+        }
+        if of_target.len() == LIST {
+            within = within.min(of_target.last().map_or(within, |last| last.squared));
+        }
+        let of_source = near.iter().map(|k| {
+            let k = *k as usize;
+            (offset(&placed.mapped.x[k]), self.log_weights[k].exp())
+        });
+        let around = of_target.iter().filter(|other| other.index != j);
+        let (source, target) = (
+            middle(of_source.filter(|(v, _)| square(v) <= within)),
+            middle(around.map(|other| (offset(&self.target[other.index]), 1.0)).filter(|(v, _)| square(v) <= within)),
+        );
+        let (Some((source, num_source)), Some((target, num_target))) = (source, target) else { return false };
+        let mut apart: [f64; 3] = std::array::from_fn(|d| source[d] - target[d]);
+        let frame = &placed.frames[near[0] as usize];
+        let on: f64 = (0..3).map(|d| apart[d] * frame.axis[d]).sum();
+        if frame.along < 0.5 * frame.across {
+            (0..3).for_each(|d| apart[d] -= on * frame.axis[d]);
+        } else if frame.across < 0.5 * frame.along {
+            apart = frame.axis.map(|a| on * a);
+        } else {
+            return false;
+        }
+        let by_chance = CHANCE * ((num_source.recip() + num_target.recip()) / 3.0).sqrt();
+        square(&apart) > DIFFERS.max(by_chance).powi(2) * within
+    }
+}
+
+/// Return the weighted mean of offsets and their number; `None` without any.
+fn middle(offsets: impl Iterator<Item = ([f64; 3], f64)>) -> Option<([f64; 3], f64)> {
+    let (mut sum, mut total, mut count) = ([0.0; 3], 0.0, 0.0);
+    for (v, weight) in offsets {
+        (0..3).for_each(|d| sum[d] += weight * v[d]);
+        total += weight;
+        count += 1.0;
+    }
+    (total > 0.0).then(|| (sum.map(|s| s / total), count))
+}
+
+/// Return the neighbours of every point, itself included.
+fn neighbours_of(points: &[[f64; 3]], dim: usize) -> Vec<Vec<Neighbour>> {
+    let tree = Neighbours::new(points.to_vec(), dim);
+    points.iter().map(|q| tree.nearest_n(q, LIST)).collect()
+}
