@@ -76,7 +76,9 @@ pub(crate) struct PointsLikelihood<'a> {
     most_hidden: f64,
     /// Source points near a target point that may explain it, at most.
     neighbours: usize,
-    /// Neighbours of the target points among themselves, once they are asked for.
+    /// All of the target that is known, not only the points that are compared.
+    surroundings: Option<Arc<Neighbours>>,
+    /// What of it is near every target point, once it is asked for.
     around: OnceLock<Vec<Vec<Neighbour>>>,
     /// When to end early: alignments and ascents then return nothing.
     interrupt: Interrupt<'a>,
@@ -154,9 +156,15 @@ impl<'a> PointsLikelihood<'a> {
             noise: mixture::SIGMA,
             most_hidden: weights::MOST_HIDDEN[0],
             neighbours,
+            surroundings: None,
             around: OnceLock::new(),
             interrupt: Interrupt::default(),
         })
+    }
+
+    /// Let target points beside edges be found ([`PointsLikelihood::beside_edges`]) among more of the target than is compared.
+    pub fn within(self, surroundings: Arc<Neighbours>) -> Self {
+        Self { surroundings: Some(surroundings), ..self }
     }
 
     /// Let alignments and ascents end early.

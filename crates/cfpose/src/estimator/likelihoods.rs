@@ -1,8 +1,11 @@
 //! The points of both sides that a likelihood is prepared for: few that cover both, those that modes are compared on, those of the last fit.
 
+use std::sync::Arc;
+
 use super::search::Search;
 use super::workbench::of_side;
 use crate::distances::likelihood::{Fit, PointsLikelihood};
+use crate::distances::neighbours::Neighbours;
 use crate::distances::sampling::{draw, even, represent};
 use crate::error::{Error, Side};
 use crate::streams::stream;
@@ -17,6 +20,8 @@ const LAST_NEIGHBOURS: usize = 32;
 const REACH: f64 = 4.0;
 /// Share of clutter up to which a rough fit may be of a part.
 const PART: f64 = 0.6;
+/// Target points that show where the target goes on, at most.
+const SURROUNDINGS: usize = 6000;
 /// Source points that are kept in any case.
 const LEAST: usize = 150;
 
@@ -83,7 +88,25 @@ impl Search<'_> {
         let source = source.map_err(of_side(Side::Source))?;
         let target = draw(&stage.sides.mapped_target, num_target, &mut rng).map_err(of_side(Side::Target))?;
         let likelihood = PointsLikelihood::new(&stage.problem, &source, target.rows(), neighbours);
-        Ok(likelihood.map(|likelihood| likelihood.with_interrupt(self.interrupt)))
+        self.surrounded(likelihood)
+    }
+
+    /// Let a likelihood end early, and see all of the target.
+    fn surrounded<'s>(
+        &'s self,
+        likelihood: Option<PointsLikelihood<'s>>,
+    ) -> Result<Option<PointsLikelihood<'s>>, Error> {
+        let Some(likelihood) = likelihood else { return Ok(None) };
+        if self.surroundings.get().is_none() {
+            let mut rng = stream(self.parts.settings.seed, "surroundings");
+            let target = draw(&self.last().sides.mapped_target, SURROUNDINGS, &mut rng).map_err(of_side(Side::Target))?;
+            let _ = self.surroundings.set(Arc::new(Neighbours::new(target.rows(), target.dim())));
+        }
+        let likelihood = likelihood.with_interrupt(self.interrupt);
+        Ok(Some(match self.surroundings.get() {
+            Some(all) => likelihood.within(all.clone()),
+            None => likelihood,
+        }))
     }
 
     /// Prepare the likelihood of points that cover both sides: of the source an even part, of the target half an even part, which dense
@@ -93,7 +116,7 @@ impl Search<'_> {
         let source = self.evenly(&stage.all_source, num_source).map_err(of_side(Side::Source))?;
         let rows = self.parts_of_target(num_target / 2)?.map(|part| part.rows()).concat();
         let likelihood = PointsLikelihood::new(&stage.problem, &source, rows, NEIGHBOURS[0]);
-        Ok(likelihood.map(|likelihood| likelihood.with_interrupt(self.interrupt)))
+        self.surrounded(likelihood)
     }
 
     /// Return an even and a random part of the target.

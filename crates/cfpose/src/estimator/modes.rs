@@ -111,7 +111,31 @@ impl Search<'_> {
         if !self.is_misfit(&fine, first) {
             return Ok(Some(modes));
         }
-        Ok(Some(self.exact_modes(coarse, aligned, given, first)?.unwrap_or(modes)))
+        let sound = self.sound_modes(&fine, &modes);
+        let exact = self.exact_modes(coarse, aligned, given, first)?;
+        let best = |modes: &Modes| modes.all[0].fit.log_likelihood;
+        let found = [sound, exact].into_iter().flatten().max_by(|a, b| best(a).total_cmp(&best(b)));
+        Ok(Some(found.unwrap_or(modes)))
+    }
+
+    /// Return the modes that are no misfits and far beyond chance: a shape that is squeezed into a dense blob of clutter explains more
+    /// points than the right theta, and misses them together. `None` where there are none.
+    fn sound_modes(&self, fine: &PointsLikelihood<'_>, modes: &Modes) -> Option<Modes> {
+        let chance = fine.chance();
+        let is_sound =
+            |mode: &&Mode| self.is_beyond_chance(fine, mode.fit.log_likelihood - chance) && !self.is_misfit(fine, &mode.fit);
+        let mut all: Vec<Mode> = modes.all.iter().filter(is_sound).cloned().collect();
+        let gain = all.first()?.fit.log_likelihood - chance;
+        let (best, others) = all.split_at_mut(1);
+        best[0].behind = Behind::default();
+        others.iter_mut().for_each(|mode| mode.behind = behind(fine, &best[0].fit, &mode.fit));
+        Some(Modes { all, gain, ..*modes })
+    }
+
+    /// Say whether a gain over clutter, in nats, is more than the best of all thetas would have by chance.
+    fn is_beyond_chance(&self, fine: &PointsLikelihood<'_>, gain: f64) -> bool {
+        let tests = fine.mover.tangent() as f64 * (std::f64::consts::TAU / EXACT).ln();
+        gain > tests - self.parts.criteria.false_alarms * std::f64::consts::LN_10
     }
 
     /// Look for modes with much less noise than a misfit has; `None` where there are none that are beyond chance, or only misfits again.
@@ -130,9 +154,9 @@ impl Search<'_> {
         let Some(fine) = self.comparison(source_points)? else { return Ok(None) };
         let fine = fine.with_noise_below(most);
         let exact = self.modes_among(&fine, again, given)?;
-        let tests = fine.mover.tangent() as f64 * (std::f64::consts::TAU / EXACT).ln();
-        let least = tests - self.parts.criteria.false_alarms * std::f64::consts::LN_10;
-        let exact = exact.filter(|exact| exact.gain > least && !self.is_misfit(&fine, &exact.all[0].fit));
+        let exact = exact.filter(|exact| {
+            self.is_beyond_chance(&fine, exact.gain) && !self.is_misfit(&fine, &exact.all[0].fit)
+        });
         Ok(exact.map(|exact| Modes { most_noise: Some(most), source_points, ..exact }))
     }
 

@@ -1,5 +1,7 @@
 //! The search: candidates climb through the stages from every start; starts are proposed, screened, perturbed.
 
+use std::sync::{Arc, OnceLock};
+
 use cfpose_optim::Interrupt;
 use cfpose_optim::manifold::Manifold;
 use cfpose_optim::problem::LeastSquares;
@@ -14,6 +16,7 @@ use super::settings::Start;
 use super::stage::ReadyStage;
 use super::workbench::{Data, Workbench};
 use super::{Parts, Watch};
+use crate::distances::neighbours::Neighbours;
 use crate::error::Error;
 use crate::geometry::theta::BlockKind;
 use crate::model::{LinearKind, Scene};
@@ -54,6 +57,8 @@ pub(super) struct Search<'a> {
     pub size: f64,
     /// When to end early.
     pub interrupt: Interrupt<'a>,
+    /// The target as the likelihood of the points sees it, once it is asked for.
+    pub surroundings: OnceLock<Arc<Neighbours>>,
     /// Screened global starts with their costs, best last; `None` before the screening.
     queue: Option<Vec<(f64, Vec<f64>)>>,
 }
@@ -69,7 +74,8 @@ impl<'a> Search<'a> {
         let covariance = points.covariance();
         let size = 2.0 * (covariance[0][0] + covariance[1][1] + covariance[2][2]).sqrt();
         let size = if size > 0.0 { size } else { 1.0 };
-        Self { parts, pipeline, stages, reports, iterations: 0, starts: 0, size, interrupt, queue: None }
+        let surroundings = OnceLock::new();
+        Self { parts, pipeline, stages, reports, iterations: 0, starts: 0, size, interrupt, surroundings, queue: None }
     }
 
     /// Add the work of a search over the stages from `first` on, on a part of the points.

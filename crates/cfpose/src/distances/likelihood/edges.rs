@@ -25,13 +25,13 @@ impl PointsLikelihood<'_> {
     /// towards them, by a deviation of the noise each. Leaving out all target points up to where both sides go on again takes nothing
     /// from the others: a choice by where a target point lies does not depend on which source point it comes from.
     pub(super) fn beside_edges(&self, placed: &Placed, mixture: &Mixture, hidden: f64) -> Vec<bool> {
-        if mixture.clutter < MISSING && hidden < MISSING {
+        let Some(all) = self.surroundings.as_ref().filter(|_| mixture.clutter.max(hidden) > MISSING) else {
             return Vec::new();
-        }
-        let near = self.around.get_or_init(|| neighbours_of(&self.target, placed.mapped.dim));
+        };
+        let near = self.around.get_or_init(|| self.target.iter().map(|q| all.nearest_n(q, LIST)).collect());
         let reach = self.width(placed, mixture) * REACH;
         let out: Vec<bool> =
-            (0..self.target.len()).map(|j| self.is_beside_edge(placed, j, &near[j], reach)).collect();
+            (0..self.target.len()).map(|j| self.is_beside_edge(placed, j, all, &near[j], reach)).collect();
         let inliers = self.responsibilities(placed, mixture);
         let lost: f64 = inliers.iter().zip(&out).filter(|(_, out)| **out).map(|(share, _)| share).sum();
         if lost > 0.0 && lost < MOST * inliers.iter().sum::<f64>() { out } else { Vec::new() }
@@ -45,7 +45,14 @@ impl PointsLikelihood<'_> {
     }
 
     /// Say whether the middles of the source and of the target around a target point differ along the shape.
-    fn is_beside_edge(&self, placed: &Placed, j: usize, of_target: &[Neighbour], reach: f64) -> bool {
+    fn is_beside_edge(
+        &self,
+        placed: &Placed,
+        j: usize,
+        all: &Neighbours,
+        of_target: &[Neighbour],
+        reach: f64,
+    ) -> bool {
         let q = self.target[j];
         let offset = |x: &[f64; 3]| -> [f64; 3] { std::array::from_fn(|d| x[d] - q[d]) };
         let square = |v: &[f64; 3]| v.iter().map(|v| v * v).sum::<f64>();
@@ -63,12 +70,12 @@ impl PointsLikelihood<'_> {
             let k = *k as usize;
             (offset(&placed.mapped.x[k]), self.log_weights[k].exp())
         });
-        let around = of_target.iter().filter(|other| other.index != j);
+        let around = of_target.iter().map(|other| (offset(&all.rows()[other.index]), 1.0));
         let (source, target) = (
             middle(of_source.filter(|(v, _)| square(v) <= within)),
-            middle(around.map(|other| (offset(&self.target[other.index]), 1.0)).filter(|(v, _)| square(v) <= within)),
+            middle(around.filter(|(v, _)| square(v) <= within)),
         );
-        let (Some((source, num_source)), Some((target, num_target))) = (source, target) else { return false };
+        let (Some((source, _)), Some((target, num_target))) = (source, target) else { return true };
         let mut apart: [f64; 3] = std::array::from_fn(|d| source[d] - target[d]);
         let frame = &placed.frames[near[0] as usize];
         let on: f64 = (0..3).map(|d| apart[d] * frame.axis[d]).sum();
@@ -79,7 +86,7 @@ impl PointsLikelihood<'_> {
         } else {
             return false;
         }
-        let by_chance = CHANCE * ((num_source.recip() + num_target.recip()) / 3.0).sqrt();
+        let by_chance = CHANCE * (num_target.recip() / 3.0).sqrt();
         square(&apart) > DIFFERS.max(by_chance).powi(2) * within
     }
 }
@@ -95,8 +102,3 @@ fn middle(offsets: impl Iterator<Item = ([f64; 3], f64)>) -> Option<([f64; 3], f
     (total > 0.0).then(|| (sum.map(|s| s / total), count))
 }
 
-/// Return the neighbours of every point, itself included.
-fn neighbours_of(points: &[[f64; 3]], dim: usize) -> Vec<Vec<Neighbour>> {
-    let tree = Neighbours::new(points.to_vec(), dim);
-    points.iter().map(|q| tree.nearest_n(q, LIST)).collect()
-}
