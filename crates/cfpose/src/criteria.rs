@@ -67,16 +67,14 @@ impl Criteria {
     /// Say whether neighbouring points miss a shape together by so much that a better one is looked for: from their `coherence` (a share of
     /// a variance) and the `noise` that was fitted (sizes of the target).
     pub fn is_misfit(&self, coherence: f64, noise: f64) -> bool {
-        self.miss_together(coherence, noise, self.misfit_length)
+        coherence > self.misfit && coherence.sqrt() * noise > self.misfit_length
     }
 
     /// Say whether they miss it together by so much that an answer is suspect.
     pub fn is_doubtful(&self, coherence: f64, noise: f64) -> bool {
-        self.miss_together(coherence, noise, self.doubtful_length)
-    }
-
-    fn miss_together(&self, coherence: f64, noise: f64, length: f64) -> bool {
-        coherence > self.misfit && coherence.sqrt() * noise > length
+        let length = coherence.sqrt() * noise;
+        coherence > self.misfit && length > self.doubtful_length
+            || coherence > self.doubtful && length > self.misfit_length
     }
 }
 
@@ -203,7 +201,7 @@ criteria! {
     clear_deviations: f64 = 6.0, "standard deviations",
         "in two hunts of 400 wrong modes of a part were 4.1 to 5.2 ahead, right ones 3.3 to 75; of 1300 other trials one was 7.5 ahead, a misfit";
     /// Noise up to which a part is enough, and up to which outliers may be a part that only the target shows.
-    clear_noise: f64 = 0.02, "sizes of the target",
+    clear_noise: f64 = 0.05, "sizes of the target",
         "7 wrong answers of 288 with missing arcs, 5 to 22 degrees off, have .021 to .034: the ends of an arc lie within the noise";
     /// Share of the variance of the distances along normals that neighbouring target points have in common, from which on they count as a
     /// misfit, if ..
@@ -215,6 +213,9 @@ criteria! {
     /// A misfit longer than this makes an answer suspect.
     doubtful_length: f64 = 0.002, "sizes of the target",
         "2 wrong answers with missing arcs have .0029 and .0083, no right one of 1100 that are good has more than .002";
+    /// Share of the variance as above from which on an answer is suspect where what they have in common is longer than `misfit-length`.
+    doubtful: f64 = 0.11, "share",
+        "a curve stretched over an arc that it lacks has .14; of 340 right and good answers beside noise one has more than .1, and is 2.6 times too certain";
     /// Clusters of the target that `ransac` leaves out in turn.
     clusters: usize = 8, "clusters",
         "a budget: a blob of 5 % or more falls into one or two of them";
