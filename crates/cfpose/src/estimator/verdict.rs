@@ -139,7 +139,7 @@ fn by_points(candidate: &Candidate, criteria: &Criteria) -> Vec<(String, Weight)
     // Target points that another theta explains, which is as good, are no outliers.
     let unexplained = candidate.unexplained.unwrap_or(evidence.unseen_target);
     // The means of the same points see a missing part in J.
-    if candidate.by == By::Points && unexplained > criteria.unseen && evidence.noise > criteria.clear_noise {
+    if candidate.by == By::Points && unexplained > criteria.unseen && evidence.noise > criteria.lacking_noise {
         let (share, noise) = (100.0 * unexplained, 100.0 * evidence.noise);
         let text = format!(
             "{share:.0} % of the target are outliers or a part that the source lacks: a noise of {noise:.1} % of the size hides where it ends"
