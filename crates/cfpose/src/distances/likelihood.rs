@@ -167,6 +167,11 @@ impl<'a> PointsLikelihood<'a> {
         Self { surroundings: Some(surroundings), ..self }
     }
 
+    /// Let all of the target pull at the source, beside edges and out of reach, too.
+    pub fn without_edges(self) -> Self {
+        Self { surroundings: None, ..self }
+    }
+
     /// Let alignments and ascents end early.
     pub fn with_interrupt(self, interrupt: Interrupt<'a>) -> Self {
         Self { interrupt, ..self }

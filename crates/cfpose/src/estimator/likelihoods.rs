@@ -99,7 +99,8 @@ impl Search<'_> {
         let Some(likelihood) = likelihood else { return Ok(None) };
         if self.surroundings.get().is_none() {
             let mut rng = stream(self.parts.settings.seed, "surroundings");
-            let target = draw(&self.last().sides.mapped_target, SURROUNDINGS, &mut rng).map_err(of_side(Side::Target))?;
+            let target =
+                draw(&self.last().sides.mapped_target, SURROUNDINGS, &mut rng).map_err(of_side(Side::Target))?;
             let _ = self.surroundings.set(Arc::new(Neighbours::new(target.rows(), target.dim())));
         }
         let likelihood = likelihood.with_interrupt(self.interrupt);

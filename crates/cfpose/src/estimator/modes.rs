@@ -122,8 +122,9 @@ impl Search<'_> {
     /// points than the right theta, and misses them together. `None` where there are none.
     fn sound_modes(&self, fine: &PointsLikelihood<'_>, modes: &Modes) -> Option<Modes> {
         let chance = fine.chance();
-        let is_sound =
-            |mode: &&Mode| self.is_beyond_chance(fine, mode.fit.log_likelihood - chance) && !self.is_misfit(fine, &mode.fit);
+        let is_sound = |mode: &&Mode| {
+            self.is_beyond_chance(fine, mode.fit.log_likelihood - chance) && !self.is_misfit(fine, &mode.fit)
+        };
         let mut all: Vec<Mode> = modes.all.iter().filter(is_sound).cloned().collect();
         let gain = all.first()?.fit.log_likelihood - chance;
         let (best, others) = all.split_at_mut(1);
@@ -147,16 +148,15 @@ impl Search<'_> {
         misfit: &Fit,
     ) -> Result<Option<Modes>, Error> {
         let most = LESS_NOISE * misfit.mixture.sigma / coarse.size;
-        let coarse = coarse.with_noise_below(most);
+        let coarse = coarse.with_noise_below(most).without_edges();
         let again = aligned.into_iter().filter_map(|(_, theta)| score(&coarse, theta)).collect();
         let again = self.ascended(&coarse, self.worth_polishing(again, self.parts.criteria.ascended));
         let source_points = self.compared_points(&again)?;
         let Some(fine) = self.comparison(source_points)? else { return Ok(None) };
         let fine = fine.with_noise_below(most);
         let exact = self.modes_among(&fine, again, given)?;
-        let exact = exact.filter(|exact| {
-            self.is_beyond_chance(&fine, exact.gain) && !self.is_misfit(&fine, &exact.all[0].fit)
-        });
+        let exact =
+            exact.filter(|exact| self.is_beyond_chance(&fine, exact.gain) && !self.is_misfit(&fine, &exact.all[0].fit));
         Ok(exact.map(|exact| Modes { most_noise: Some(most), source_points, ..exact }))
     }
 

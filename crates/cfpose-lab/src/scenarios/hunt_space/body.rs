@@ -145,13 +145,9 @@ impl Body {
             // A flat plate lies on itself turned about an axis in it only when its outline is symmetric; its two sides are not
             // told apart by a reflection, which is no rotation.
             Kind::Plate => Determined::Theta,
-            Kind::Revolution
-            | Kind::Sphere
-            | Kind::Cylinder
-            | Kind::Torus
-            | Kind::Disk
-            | Kind::Ring
-            | Kind::Rod => Determined::ButADirection,
+            Kind::Revolution | Kind::Sphere | Kind::Cylinder | Kind::Torus | Kind::Disk | Kind::Ring | Kind::Rod => {
+                Determined::ButADirection
+            }
             Kind::Box | Kind::Cube => Determined::OneOfSeveral,
         }
     }

@@ -45,14 +45,7 @@ impl PointsLikelihood<'_> {
     }
 
     /// Say whether the middles of the source and of the target around a target point differ along the shape.
-    fn is_beside_edge(
-        &self,
-        placed: &Placed,
-        j: usize,
-        all: &Neighbours,
-        of_target: &[Neighbour],
-        reach: f64,
-    ) -> bool {
+    fn is_beside_edge(&self, placed: &Placed, j: usize, all: &Neighbours, of_target: &[Neighbour], reach: f64) -> bool {
         let q = self.target[j];
         let offset = |x: &[f64; 3]| -> [f64; 3] { std::array::from_fn(|d| x[d] - q[d]) };
         let square = |v: &[f64; 3]| v.iter().map(|v| v * v).sum::<f64>();
@@ -101,4 +94,3 @@ fn middle(offsets: impl Iterator<Item = ([f64; 3], f64)>) -> Option<([f64; 3], f
     }
     (total > 0.0).then(|| (sum.map(|s| s / total), count))
 }
-
