@@ -74,7 +74,7 @@ impl Criteria {
     pub fn is_doubtful(&self, coherence: f64, noise: f64) -> bool {
         let length = coherence.sqrt() * noise;
         coherence > self.misfit && length > self.doubtful_length
-            || coherence > self.doubtful && length > self.misfit_length
+            || coherence > self.doubtful && length > self.misfit_length && noise < self.doubtful_noise
     }
 }
 
@@ -217,8 +217,11 @@ criteria! {
     doubtful_length: f64 = 0.002, "sizes of the target",
         "2 wrong answers with missing arcs have .0029 and .0083, no right one of 1100 that are good has more than .002";
     /// Share of the variance as above from which on an answer is suspect where what they have in common is longer than `misfit-length`.
-    doubtful: f64 = 0.11, "share",
-        "a curve stretched over an arc that it lacks has .14; of 340 right and good answers beside noise one has more than .1, and is 2.6 times too certain";
+    doubtful: f64 = 0.13, "share",
+        "a curve stretched over an arc that it lacks has .14; of 340 right and good answers beside noise one has as much, and is 2.6 times too certain";
+    /// .. up to this noise: a larger one reaches over the bends of a shape, and neighbours miss it together without a fault.
+    doubtful_noise: f64 = 0.05, "sizes of the target",
+        "right answers have up to .15 at a noise of .065";
     /// Clusters of the target that `ransac` leaves out in turn.
     clusters: usize = 8, "clusters",
         "a budget: a blob of 5 % or more falls into one or two of them";

@@ -76,8 +76,8 @@ pub(crate) struct PointsLikelihood<'a> {
     most_hidden: f64,
     /// Source points near a target point that may explain it, at most.
     neighbours: usize,
-    /// All of the target that is known, not only the points that are compared.
-    surroundings: Option<Arc<Neighbours>>,
+    /// All of the target that is known, not only the points that are compared, and the size of its neighbourhoods, at most.
+    surroundings: Option<(Arc<Neighbours>, f64)>,
     /// What of it is near every target point, once it is asked for.
     around: OnceLock<Vec<Vec<Neighbour>>>,
     /// When to end early: alignments and ascents then return nothing.
@@ -162,9 +162,10 @@ impl<'a> PointsLikelihood<'a> {
         })
     }
 
-    /// Let target points beside edges be found ([`PointsLikelihood::beside_edges`]) among more of the target than is compared.
-    pub fn within(self, surroundings: Arc<Neighbours>) -> Self {
-        Self { surroundings: Some(surroundings), ..self }
+    /// Let target points beside edges be found ([`PointsLikelihood::beside_edges`]) among more of the target than is compared, where
+    /// neighbourhoods need not reach over more than `widest` sizes of the target.
+    pub fn within(self, surroundings: Arc<Neighbours>, widest: f64) -> Self {
+        Self { surroundings: Some((surroundings, widest)), ..self }
     }
 
     /// Let all of the target pull at the source, beside edges and out of reach, too.

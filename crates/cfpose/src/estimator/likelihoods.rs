@@ -20,6 +20,8 @@ const LAST_NEIGHBOURS: usize = 32;
 const REACH: f64 = 4.0;
 /// Share of clutter up to which a rough fit may be of a part.
 const PART: f64 = 0.6;
+/// Neighbourhoods that show where a side ends, in sizes of the target, at most: larger ones span the bends of a shape.
+const WIDEST: f64 = 0.2;
 /// Target points that show where the target goes on, at most.
 const SURROUNDINGS: usize = 6000;
 /// Source points that are kept in any case.
@@ -88,13 +90,14 @@ impl Search<'_> {
         let source = source.map_err(of_side(Side::Source))?;
         let target = draw(&stage.sides.mapped_target, num_target, &mut rng).map_err(of_side(Side::Target))?;
         let likelihood = PointsLikelihood::new(&stage.problem, &source, target.rows(), neighbours);
-        self.surrounded(likelihood)
+        self.surrounded(likelihood, WIDEST)
     }
 
-    /// Let a likelihood end early, and see all of the target.
+    /// Let a likelihood end early, and see all of the target in neighbourhoods of at most `widest` of its sizes.
     fn surrounded<'s>(
         &'s self,
         likelihood: Option<PointsLikelihood<'s>>,
+        widest: f64,
     ) -> Result<Option<PointsLikelihood<'s>>, Error> {
         let Some(likelihood) = likelihood else { return Ok(None) };
         if self.surroundings.get().is_none() {
@@ -105,7 +108,7 @@ impl Search<'_> {
         }
         let likelihood = likelihood.with_interrupt(self.interrupt);
         Ok(Some(match self.surroundings.get() {
-            Some(all) => likelihood.within(all.clone()),
+            Some(all) => likelihood.within(all.clone(), widest),
             None => likelihood,
         }))
     }
@@ -117,7 +120,8 @@ impl Search<'_> {
         let source = self.evenly(&stage.all_source, num_source).map_err(of_side(Side::Source))?;
         let rows = self.parts_of_target(num_target / 2)?.map(|part| part.rows()).concat();
         let likelihood = PointsLikelihood::new(&stage.problem, &source, rows, NEIGHBOURS[0]);
-        self.surrounded(likelihood)
+        // Rough fits have more noise than there is.
+        self.surrounded(likelihood, f64::INFINITY)
     }
 
     /// Return an even and a random part of the target.

@@ -25,11 +25,14 @@ impl PointsLikelihood<'_> {
     /// towards them, by a deviation of the noise each. Leaving out all target points up to where both sides go on again takes nothing
     /// from the others: a choice by where a target point lies does not depend on which source point it comes from.
     pub(super) fn beside_edges(&self, placed: &Placed, mixture: &Mixture, hidden: f64) -> Vec<bool> {
-        let Some(all) = self.surroundings.as_ref().filter(|_| mixture.clutter.max(hidden) > MISSING) else {
+        let Some((all, widest)) = self.surroundings.as_ref().filter(|_| mixture.clutter.max(hidden) > MISSING) else {
             return Vec::new();
         };
-        let near = self.around.get_or_init(|| self.target.iter().map(|q| all.nearest_n(q, LIST)).collect());
         let reach = self.width(placed, mixture) * REACH;
+        if reach > widest * self.size {
+            return Vec::new();
+        }
+        let near = self.around.get_or_init(|| self.target.iter().map(|q| all.nearest_n(q, LIST)).collect());
         let out: Vec<bool> =
             (0..self.target.len()).map(|j| self.is_beside_edge(placed, j, all, &near[j], reach)).collect();
         let inliers = self.responsibilities(placed, mixture);
