@@ -262,7 +262,11 @@ pub(super) const ENTRY: ScenarioEntry = ScenarioEntry {
             "0.2",
             "standard deviation of each tangent coordinate of theta about the identity, or about the model's typical theta",
         ),
-        parameter("rotation", "near", "near (by `spread`) or full: uniform over all rotations"),
+        parameter(
+            "rotation",
+            "near",
+            "near (by `spread`), full: uniform over all rotations, or yaw: uniform about z alone",
+        ),
         parameter(
             "start",
             "none",

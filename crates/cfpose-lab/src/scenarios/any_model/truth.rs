@@ -31,6 +31,17 @@ pub(super) enum Start {
     Near(f64),
 }
 
+/// How the rotations of theta are drawn.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Turn {
+    /// By `spread`, as everything else.
+    Near,
+    /// Uniform over all rotations, before the spread.
+    Full,
+    /// Uniform about z, and no spread.
+    Yaw,
+}
+
 /// The distribution of theta.
 ///
 /// A normal of standard deviation `spread` for each tangent coordinate, about the model's identity where the model is a linear map of
@@ -40,7 +51,7 @@ pub(super) enum Start {
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Truth {
     spread: f64,
-    full: bool,
+    turn: Turn,
     pub start: Start,
 }
 
@@ -49,7 +60,7 @@ impl Truth {
         let not_negative = |v: f64| v >= 0.0 && v.is_finite();
         Ok(Self {
             spread: parameters.number("spread", "a number >= 0", not_negative)?,
-            full: parameters.choice("rotation", &[("near", false), ("full", true)])?,
+            turn: parameters.choice("rotation", &[("near", Turn::Near), ("full", Turn::Full), ("yaw", Turn::Yaw)])?,
             start: match parameters.text("start") {
                 "none" => Start::None,
                 "identity" => Start::Identity,
@@ -81,7 +92,7 @@ impl Truth {
         };
         let of_base = view.image(base, seen).and_then(|image| objections(base, &image)).unwrap_or(usize::MAX);
         for _ in 0..MAX_DRAWS {
-            let theta = step(model, &self.turned(model, base, rng), self.spread, rng);
+            let theta = self.moved(model, &self.turned(model, base, rng), rng);
             let Some(image) = view.image(&theta, seen) else { continue };
             if is_in_view(&image, view.target_dim()) && objections(&theta, &image).is_some_and(|n| n <= of_base) {
                 return Ok(theta);
@@ -92,17 +103,39 @@ impl Truth {
         )))
     }
 
-    /// Turn the base uniformly where rotations are full.
+    /// Move the base by the spread; a turn about z stays one.
+    fn moved(&self, model: &Model, base: &[f64], rng: &mut ChaCha12Rng) -> Vec<f64> {
+        let mut theta = step(model, base, self.spread, rng);
+        if self.turn == Turn::Yaw {
+            let mut at = 0;
+            for block in model.layout.blocks() {
+                let end = at + block.kind.manifold().ambient();
+                if matches!(block.kind, BlockKind::Rotation) {
+                    theta[at..end].copy_from_slice(&base[at..end]);
+                }
+                at = end;
+            }
+        }
+        theta
+    }
+
+    /// Turn the base uniformly, about all axes or about z.
     fn turned(&self, model: &Model, base: &[f64], rng: &mut ChaCha12Rng) -> Vec<f64> {
         let mut theta = base.to_vec();
-        if !self.full {
+        if self.turn == Turn::Near {
             return theta;
         }
         let mut at = 0;
         for block in model.layout.blocks() {
             match block.kind {
                 BlockKind::Rotation => {
-                    let quaternion = std::array::from_fn(|_| rng.sample(StandardNormal));
+                    let quaternion = match self.turn {
+                        Turn::Yaw => {
+                            let half = std::f64::consts::PI * rng.random::<f64>();
+                            [half.cos(), 0.0, 0.0, half.sin()]
+                        }
+                        _ => std::array::from_fn(|_| rng.sample(StandardNormal)),
+                    };
                     theta[at..at + 9].copy_from_slice(&rotation_of_quaternion(&quaternion));
                 }
                 BlockKind::Angle => theta[at] = TAU * (rng.random::<f64>() - 0.5),
