@@ -29,6 +29,7 @@ mod estimate;
 mod evaluate;
 pub mod from_moments;
 mod likelihoods;
+mod misfits;
 mod modes;
 mod others;
 mod outliers;

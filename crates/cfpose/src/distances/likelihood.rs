@@ -76,7 +76,7 @@ pub(crate) struct PointsLikelihood<'a> {
     most_hidden: f64,
     /// Source points near a target point that may explain it, at most.
     neighbours: usize,
-    /// All of the target that is known, not only the points that are compared, and the size of its neighbourhoods, at most.
+    /// All of the target that is known, not only the points that are compared, and how far noise may reach, in sizes of the target.
     surroundings: Option<(Arc<Neighbours>, f64)>,
     /// What of it is near every target point, once it is asked for.
     around: OnceLock<Vec<Vec<Neighbour>>>,
@@ -162,8 +162,8 @@ impl<'a> PointsLikelihood<'a> {
         })
     }
 
-    /// Let target points beside edges be found ([`PointsLikelihood::beside_edges`]) among more of the target than is compared, where
-    /// neighbourhoods need not reach over more than `widest` sizes of the target.
+    /// Let target points beside edges be found ([`PointsLikelihood::beside_edges`]) among more of the target than is compared, while the
+    /// noise reaches over at most `widest` sizes of the target.
     pub fn within(self, surroundings: Arc<Neighbours>, widest: f64) -> Self {
         Self { surroundings: Some((surroundings, widest)), ..self }
     }

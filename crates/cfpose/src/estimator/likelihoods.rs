@@ -20,7 +20,8 @@ const LAST_NEIGHBOURS: usize = 32;
 const REACH: f64 = 4.0;
 /// Share of clutter up to which a rough fit may be of a part.
 const PART: f64 = 0.6;
-/// Neighbourhoods that show where a side ends, in sizes of the target, at most: larger ones span the bends of a shape.
+/// How far noise may reach in the plane, in sizes of the target: farther it spans the bends of a curve, and does not show where a side ends.
+/// In space the fits that need it most are those of halves whose noise has swallowed a misfit.
 const WIDEST: f64 = 0.2;
 /// Target points that show where the target goes on, at most.
 const SURROUNDINGS: usize = 6000;
@@ -90,10 +91,11 @@ impl Search<'_> {
         let source = source.map_err(of_side(Side::Source))?;
         let target = draw(&stage.sides.mapped_target, num_target, &mut rng).map_err(of_side(Side::Target))?;
         let likelihood = PointsLikelihood::new(&stage.problem, &source, target.rows(), neighbours);
-        self.surrounded(likelihood, WIDEST)
+        let is_plane = stage.sides.mapped_target.dim() == 2;
+        self.surrounded(likelihood, if is_plane { WIDEST } else { f64::INFINITY })
     }
 
-    /// Let a likelihood end early, and see all of the target in neighbourhoods of at most `widest` of its sizes.
+    /// Let a likelihood end early, and see all of the target, while its noise reaches over at most `widest` of its sizes.
     fn surrounded<'s>(
         &'s self,
         likelihood: Option<PointsLikelihood<'s>>,

@@ -1,6 +1,6 @@
 //! Where one side ends and the other goes on: target points there are left out of what theta is fitted to.
 
-use super::{Mixture, Placed, PointsLikelihood};
+use super::{Frame, Mixture, Placed, PointsLikelihood};
 use crate::distances::neighbours::{Neighbour, Neighbours};
 
 /// Deviations of a kernel that the neighbourhood of a target point reaches over.
@@ -28,8 +28,13 @@ impl PointsLikelihood<'_> {
         let Some((all, widest)) = self.surroundings.as_ref().filter(|_| mixture.clutter.max(hidden) > MISSING) else {
             return Vec::new();
         };
+        // A filled image or a solid has no tangent along which a side ends.
+        let with_tangent = placed.frames.iter().filter(|frame| tangent(frame, &[0.0; 3]).is_some()).count();
+        if 2 * with_tangent < placed.frames.len() {
+            return Vec::new();
+        }
         let reach = self.width(placed, mixture) * REACH;
-        if reach > widest * self.size {
+        if REACH * mixture.sigma > widest * self.size {
             return Vec::new();
         }
         let near = self.around.get_or_init(|| self.target.iter().map(|q| all.nearest_n(q, LIST)).collect());
@@ -72,19 +77,20 @@ impl PointsLikelihood<'_> {
             middle(around.filter(|(v, _)| square(v) <= within)),
         );
         let (Some((source, _)), Some((target, num_target))) = (source, target) else { return true };
-        let mut apart: [f64; 3] = std::array::from_fn(|d| source[d] - target[d]);
-        let frame = &placed.frames[near[0] as usize];
-        let on: f64 = (0..3).map(|d| apart[d] * frame.axis[d]).sum();
-        if frame.along < 0.5 * frame.across {
-            (0..3).for_each(|d| apart[d] -= on * frame.axis[d]);
-        } else if frame.across < 0.5 * frame.along {
-            apart = frame.axis.map(|a| on * a);
-        } else {
-            return false;
-        }
+        let apart = std::array::from_fn(|d| source[d] - target[d]);
+        let Some(apart) = tangent(&placed.frames[near[0] as usize], &apart) else { return false };
         let by_chance = CHANCE * (num_target.recip() / 3.0).sqrt();
         square(&apart) > DIFFERS.max(by_chance).powi(2) * within
     }
+}
+
+/// Return the part of a vector along the shape; `None` where a frame has neither a normal nor a direction of its own.
+fn tangent(frame: &Frame, v: &[f64; 3]) -> Option<[f64; 3]> {
+    let on: f64 = (0..3).map(|d| v[d] * frame.axis[d]).sum();
+    if frame.along < 0.5 * frame.across {
+        return Some(std::array::from_fn(|d| v[d] - on * frame.axis[d]));
+    }
+    (frame.across < 0.5 * frame.along).then(|| frame.axis.map(|a| on * a))
 }
 
 /// Return the weighted mean of offsets and their number; `None` without any.
