@@ -11,7 +11,8 @@
 //! s (noise) and c (clutter) are unknowns. Means of features decide where to look; this decides what is true: its logarithm is
 //! compared between modes, kinds of sampling and chance, in nats. Responsibilities say which points of *both* sides take part.
 
-use std::sync::{Arc, OnceLock};
+use std::cell::OnceCell;
+use std::sync::Arc;
 
 use cfpose_kernel::points::Points;
 use cfpose_optim::Interrupt;
@@ -77,9 +78,9 @@ pub(crate) struct PointsLikelihood<'a> {
     /// Source points near a target point that may explain it, at most.
     neighbours: usize,
     /// All of the target that is known, not only the points that are compared, and how far noise may reach, in sizes of the target.
-    surroundings: Option<(Arc<Neighbours>, f64)>,
+    surroundings: Option<(&'a Neighbours, f64)>,
     /// What of it is near every target point, once it is asked for.
-    around: OnceLock<Vec<Vec<Neighbour>>>,
+    around: OnceCell<Vec<Vec<Neighbour>>>,
     /// When to end early: alignments and ascents then return nothing.
     interrupt: Interrupt<'a>,
 }
@@ -157,14 +158,14 @@ impl<'a> PointsLikelihood<'a> {
             most_hidden: weights::MOST_HIDDEN[0],
             neighbours,
             surroundings: None,
-            around: OnceLock::new(),
+            around: OnceCell::new(),
             interrupt: Interrupt::default(),
         })
     }
 
     /// Let target points beside edges be found ([`PointsLikelihood::beside_edges`]) among more of the target than is compared, while the
     /// noise reaches over at most `widest` sizes of the target.
-    pub fn within(self, surroundings: Arc<Neighbours>, widest: f64) -> Self {
+    pub fn within(self, surroundings: &'a Neighbours, widest: f64) -> Self {
         Self { surroundings: Some((surroundings, widest)), ..self }
     }
 
@@ -272,9 +273,7 @@ impl<'a> PointsLikelihood<'a> {
     /// the roughness of a sample is smoothed away. `None` where a point is not finite.
     pub fn smooth_information(&self, theta: &[f64], mixture: &Mixture) -> Option<Vec<f64>> {
         let mut placed = self.place(theta, true)?;
-        let mut widths: Vec<f64> = placed.frames.iter().map(|frame| frame.across.max(frame.along)).collect();
-        widths.sort_by(f64::total_cmp);
-        let sigma = mixture.sigma.hypot(1.5 * widths[widths.len() / 2].sqrt());
+        let sigma = mixture.sigma.hypot(1.5 * placed.tangential_variance().sqrt());
         let smooth = Mixture { kernel: Kernel::Shape, sigma, ..*mixture };
         self.reweigh(&mut placed, &smooth);
         let sums = self.sums(&placed, &smooth);
@@ -434,6 +433,13 @@ impl Placed {
         let v: [f64; 3] = std::array::from_fn(|d| q[d] - x[d]);
         let on = axis[0] * v[0] + axis[1] * v[1] + axis[2] * v[2];
         [on, (v[0] * v[0] + v[1] * v[1] + v[2] * v[2] - on * on).max(0.0)]
+    }
+
+    /// Return the median variance of the kernels along the shape, without noise.
+    fn tangential_variance(&self) -> f64 {
+        let mut all: Vec<f64> = self.frames.iter().map(|frame| frame.across.max(frame.along)).collect();
+        let middle = all.len() / 2;
+        *all.select_nth_unstable_by(middle, f64::total_cmp).1
     }
 
     /// Say whether target point `j` takes no part in theta and noise.

@@ -1,7 +1,5 @@
 //! The points of both sides that a likelihood is prepared for: few that cover both, those that modes are compared on, those of the last fit.
 
-use std::sync::Arc;
-
 use super::search::Search;
 use super::workbench::of_side;
 use crate::distances::likelihood::{Fit, PointsLikelihood};
@@ -92,27 +90,22 @@ impl Search<'_> {
         let target = draw(&stage.sides.mapped_target, num_target, &mut rng).map_err(of_side(Side::Target))?;
         let likelihood = PointsLikelihood::new(&stage.problem, &source, target.rows(), neighbours);
         let is_plane = stage.sides.mapped_target.dim() == 2;
-        self.surrounded(likelihood, if is_plane { WIDEST } else { f64::INFINITY })
+        let widest = if is_plane { WIDEST } else { f64::INFINITY };
+        likelihood.map(|likelihood| self.surrounded(likelihood, widest)).transpose()
     }
 
     /// Let a likelihood end early, and see all of the target, while its noise reaches over at most `widest` of its sizes.
-    fn surrounded<'s>(
-        &'s self,
-        likelihood: Option<PointsLikelihood<'s>>,
-        widest: f64,
-    ) -> Result<Option<PointsLikelihood<'s>>, Error> {
-        let Some(likelihood) = likelihood else { return Ok(None) };
-        if self.surroundings.get().is_none() {
-            let mut rng = stream(self.parts.settings.seed, "surroundings");
-            let target =
-                draw(&self.last().sides.mapped_target, SURROUNDINGS, &mut rng).map_err(of_side(Side::Target))?;
-            let _ = self.surroundings.set(Arc::new(Neighbours::new(target.rows(), target.dim())));
-        }
-        let likelihood = likelihood.with_interrupt(self.interrupt);
-        Ok(Some(match self.surroundings.get() {
-            Some(all) => likelihood.within(all.clone(), widest),
-            None => likelihood,
-        }))
+    fn surrounded<'s>(&'s self, likelihood: PointsLikelihood<'s>, widest: f64) -> Result<PointsLikelihood<'s>, Error> {
+        let surroundings = match self.surroundings.get() {
+            Some(known) => known,
+            None => {
+                let mut rng = stream(self.parts.settings.seed, "surroundings");
+                let target = &self.last().sides.mapped_target;
+                let target = draw(target, SURROUNDINGS, &mut rng).map_err(of_side(Side::Target))?;
+                self.surroundings.get_or_init(|| Neighbours::new(target.rows(), target.dim()))
+            }
+        };
+        Ok(likelihood.with_interrupt(self.interrupt).within(surroundings, widest))
     }
 
     /// Prepare the likelihood of points that cover both sides: of the source an even part, of the target half an even part, which dense
@@ -123,7 +116,7 @@ impl Search<'_> {
         let rows = self.parts_of_target(num_target / 2)?.map(|part| part.rows()).concat();
         let likelihood = PointsLikelihood::new(&stage.problem, &source, rows, NEIGHBOURS[0]);
         // Rough fits have more noise than there is.
-        self.surrounded(likelihood, f64::INFINITY)
+        likelihood.map(|likelihood| self.surrounded(likelihood, f64::INFINITY)).transpose()
     }
 
     /// Return an even and a random part of the target.

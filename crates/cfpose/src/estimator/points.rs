@@ -82,11 +82,11 @@ impl Search<'_> {
         let fine = self.comparison(modes.source_points)?;
         candidate.unexplained = fine.as_ref().and_then(|fine| self.unexplained(fine, chosen, &candidate.modes));
         // The pattern of the points determines theta where they are copies, and the noise does not hide it.
-        let pattern = candidate.support.as_ref().is_some_and(|support| {
+        let shows_pattern = candidate.support.as_ref().is_some_and(|support| {
             let noise = evidence.noise * fine.as_ref().map_or(0.0, |fine| fine.size);
             evidence.copies && noise.powi(2) < self.parts.criteria.visible * support.source_spacing.powi(2)
         });
-        candidate.undetermined = match (fine, pattern) {
+        candidate.undetermined = match (fine, shows_pattern) {
             (Some(fine), false) => {
                 let several = modes.all[1..].iter().any(|mode| mode.behind.is_equal(&self.parts.criteria));
                 self.undetermined(&fine, &chosen.fit, several)

@@ -1,6 +1,6 @@
 //! The search: candidates climb through the stages from every start; starts are proposed, screened, perturbed.
 
-use std::sync::{Arc, OnceLock};
+use std::cell::OnceCell;
 
 use cfpose_optim::Interrupt;
 use cfpose_optim::manifold::Manifold;
@@ -58,7 +58,7 @@ pub(super) struct Search<'a> {
     /// When to end early.
     pub interrupt: Interrupt<'a>,
     /// The target as the likelihood of the points sees it, once it is asked for.
-    pub surroundings: OnceLock<Arc<Neighbours>>,
+    pub surroundings: OnceCell<Neighbours>,
     /// Screened global starts with their costs, best last; `None` before the screening.
     queue: Option<Vec<(f64, Vec<f64>)>>,
 }
@@ -74,8 +74,8 @@ impl<'a> Search<'a> {
         let covariance = points.covariance();
         let size = 2.0 * (covariance[0][0] + covariance[1][1] + covariance[2][2]).sqrt();
         let size = if size > 0.0 { size } else { 1.0 };
-        let surroundings = OnceLock::new();
-        Self { parts, pipeline, stages, reports, iterations: 0, starts: 0, size, interrupt, surroundings, queue: None }
+        let (surroundings, queue) = (OnceCell::new(), None);
+        Self { parts, pipeline, stages, reports, iterations: 0, starts: 0, size, interrupt, surroundings, queue }
     }
 
     /// Add the work of a search over the stages from `first` on, on a part of the points.

@@ -46,7 +46,7 @@ enum Turn {
 ///
 /// A normal of standard deviation `spread` for each tangent coordinate, about the model's identity where the model is a linear map of
 /// the plane or of space and about its typical theta where it is projective; with `rotation = full` rotations are uniform before
-/// that (four normals, or a uniform for an angle). Drawn again until every point has an image, no point lies near the horizon,
+/// that (four normals, or a uniform for an angle), with `rotation = yaw` they are turns about z, drawn after it (a uniform). Drawn again until every point has an image, no point lies near the horizon,
 /// the image's size is .1 to 10, and the model has no more to object than it has to the base.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Truth {
@@ -92,7 +92,10 @@ impl Truth {
         };
         let of_base = view.image(base, seen).and_then(|image| objections(base, &image)).unwrap_or(usize::MAX);
         for _ in 0..MAX_DRAWS {
-            let theta = self.moved(model, &self.turned(model, base, rng), rng);
+            let theta = match self.turn {
+                Turn::Yaw => self.turned(model, &step(model, base, self.spread, rng), rng),
+                Turn::Near | Turn::Full => step(model, &self.turned(model, base, rng), self.spread, rng),
+            };
             let Some(image) = view.image(&theta, seen) else { continue };
             if is_in_view(&image, view.target_dim()) && objections(&theta, &image).is_some_and(|n| n <= of_base) {
                 return Ok(theta);
@@ -103,23 +106,7 @@ impl Truth {
         )))
     }
 
-    /// Move the base by the spread; a turn about z stays one.
-    fn moved(&self, model: &Model, base: &[f64], rng: &mut ChaCha12Rng) -> Vec<f64> {
-        let mut theta = step(model, base, self.spread, rng);
-        if self.turn == Turn::Yaw {
-            let mut at = 0;
-            for block in model.layout.blocks() {
-                let end = at + block.kind.manifold().ambient();
-                if matches!(block.kind, BlockKind::Rotation) {
-                    theta[at..end].copy_from_slice(&base[at..end]);
-                }
-                at = end;
-            }
-        }
-        theta
-    }
-
-    /// Turn the base uniformly, about all axes or about z.
+    /// Turn theta uniformly: about all axes, about z, or not at all.
     fn turned(&self, model: &Model, base: &[f64], rng: &mut ChaCha12Rng) -> Vec<f64> {
         let mut theta = base.to_vec();
         if self.turn == Turn::Near {

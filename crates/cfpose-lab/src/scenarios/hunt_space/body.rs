@@ -29,7 +29,7 @@ pub(in crate::scenarios) enum Kind {
     Plate,
     /// A sphere: no turn is determined. This kind and the next ones are not drawn where any body is asked for.
     Sphere,
-    /// A closed cylinder's side: turns about its axis, and it may be upside down.
+    /// The side of a cylinder.
     Cylinder,
     /// A torus.
     Torus,

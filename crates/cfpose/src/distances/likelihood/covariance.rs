@@ -35,9 +35,7 @@ impl PointsLikelihood<'_> {
         if mixture.kernel == Kernel::Copies {
             return 1.0;
         }
-        let mut widths: Vec<f64> = placed.frames.iter().map(|frame| frame.across.max(frame.along)).collect();
-        let middle = widths.len() / 2;
-        let square = *widths.select_nth_unstable_by(middle, f64::total_cmp).1;
+        let square = placed.tangential_variance();
         let off = (DISCRETISATION * square.sqrt()).max(BEND * square / self.size);
         1.0 + (off / mixture.sigma).powi(2)
     }

@@ -33,10 +33,10 @@ impl PointsLikelihood<'_> {
         if 2 * with_tangent < placed.frames.len() {
             return Vec::new();
         }
-        let reach = self.width(placed, mixture) * REACH;
         if REACH * mixture.sigma > widest * self.size {
             return Vec::new();
         }
+        let reach = REACH * (mixture.sigma * mixture.sigma + placed.tangential_variance()).sqrt();
         let near = self.around.get_or_init(|| self.target.iter().map(|q| all.nearest_n(q, LIST)).collect());
         let out: Vec<bool> =
             (0..self.target.len()).map(|j| self.is_beside_edge(placed, j, all, &near[j], reach)).collect();
@@ -45,18 +45,10 @@ impl PointsLikelihood<'_> {
         if lost > 0.0 && lost < MOST * inliers.iter().sum::<f64>() { out } else { Vec::new() }
     }
 
-    /// Return the deviation of a kernel along the shape: noise, and the median tangential width.
-    fn width(&self, placed: &Placed, mixture: &Mixture) -> f64 {
-        let mut widths: Vec<f64> = placed.frames.iter().map(|frame| frame.across.max(frame.along)).collect();
-        let middle = widths.len() / 2;
-        (mixture.sigma * mixture.sigma + *widths.select_nth_unstable_by(middle, f64::total_cmp).1).sqrt()
-    }
-
     /// Say whether the middles of the source and of the target around a target point differ along the shape.
     fn is_beside_edge(&self, placed: &Placed, j: usize, all: &Neighbours, of_target: &[Neighbour], reach: f64) -> bool {
         let q = self.target[j];
         let offset = |x: &[f64; 3]| -> [f64; 3] { std::array::from_fn(|d| x[d] - q[d]) };
-        let square = |v: &[f64; 3]| v.iter().map(|v| v * v).sum::<f64>();
         let near = placed.near_to(j);
         let is_all = near.len() == placed.mapped.x.len();
         let farthest = near.iter().map(|k| square(&offset(&placed.mapped.x[*k as usize]))).fold(0.0, f64::max);
@@ -71,17 +63,30 @@ impl PointsLikelihood<'_> {
             let k = *k as usize;
             (offset(&placed.mapped.x[k]), self.log_weights[k].exp())
         });
-        let around = of_target.iter().map(|other| (offset(&all.rows()[other.index]), 1.0));
-        let (source, target) = (
-            middle(of_source.filter(|(v, _)| square(v) <= within)),
-            middle(around.filter(|(v, _)| square(v) <= within)),
-        );
-        let (Some((source, _)), Some((target, num_target))) = (source, target) else { return true };
-        let apart = std::array::from_fn(|d| source[d] - target[d]);
-        let Some(apart) = tangent(&placed.frames[near[0] as usize], &apart) else { return false };
-        let by_chance = CHANCE * (num_target.recip() / 3.0).sqrt();
-        square(&apart) > DIFFERS.max(by_chance).powi(2) * within
+        let of_target = of_target.iter().map(|other| (offset(&all.rows()[other.index]), 1.0));
+        ends_alone(of_source, of_target, &placed.frames[near[0] as usize], within)
     }
+}
+
+/// Say whether one side ends at a place where the other goes on, from offsets with weights of both and the squared radius that counts:
+/// whether their middles differ along the shape, or there is nothing of one side.
+fn ends_alone(
+    source: impl Iterator<Item = ([f64; 3], f64)>,
+    target: impl Iterator<Item = ([f64; 3], f64)>,
+    frame: &Frame,
+    within: f64,
+) -> bool {
+    let is_near = |(v, _): &([f64; 3], f64)| square(v) <= within;
+    let (source, target) = (middle(source.filter(is_near)), middle(target.filter(is_near)));
+    let (Some((source, _)), Some((target, num_target))) = (source, target) else { return true };
+    let apart = std::array::from_fn(|d| source[d] - target[d]);
+    let Some(apart) = tangent(frame, &apart) else { return false };
+    let by_chance = CHANCE * (num_target.recip() / 3.0).sqrt();
+    square(&apart) > DIFFERS.max(by_chance).powi(2) * within
+}
+
+fn square(v: &[f64; 3]) -> f64 {
+    v.iter().map(|v| v * v).sum()
 }
 
 /// Return the part of a vector along the shape; `None` where a frame has neither a normal nor a direction of its own.
@@ -102,4 +107,41 @@ fn middle(offsets: impl Iterator<Item = ([f64; 3], f64)>) -> Option<([f64; 3], f
         count += 1.0;
     }
     (total > 0.0).then(|| (sum.map(|s| s / total), count))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const CURVE: Frame = Frame { axis: [0.0, 1.0, 0.0], along: 0.0, across: 1.0, bend: 0.0 };
+
+    /// Points on a line about its normal at offset `off`, from `low` to `high` of the reach 1.
+    fn line(low: f64, high: f64, off: f64) -> impl Iterator<Item = ([f64; 3], f64)> {
+        let points = (0..=200).map(|k| 0.01 * f64::from(k) - 1.0);
+        points.filter(move |x| (low..=high).contains(x)).map(move |x| ([x, off, 0.0], 1.0))
+    }
+
+    #[test]
+    fn a_side_that_ends_where_the_other_goes_on_ends_alone() {
+        // The source ends at the point, a tenth before it, half of the reach behind it; then the target.
+        assert!(ends_alone(line(-1.0, 0.0, 0.0), line(-1.0, 1.0, 0.0), &CURVE, 1.0));
+        assert!(ends_alone(line(-1.0, -0.1, 0.0), line(-1.0, 1.0, 0.0), &CURVE, 1.0));
+        assert!(!ends_alone(line(-1.0, 0.5, 0.0), line(-1.0, 1.0, 0.0), &CURVE, 1.0));
+        assert!(ends_alone(line(-1.0, 1.0, 0.0), line(-1.0, 0.0, 0.0), &CURVE, 1.0));
+        // Out of reach of one side.
+        assert!(ends_alone(line(-1.0, 1.0, 1.5), line(-1.0, 1.0, 0.0), &CURVE, 1.0));
+    }
+
+    #[test]
+    fn what_both_sides_show_and_what_lies_across_the_shape_count_for_nothing() {
+        assert!(!ends_alone(line(-1.0, 1.0, 0.0), line(-1.0, 1.0, 0.0), &CURVE, 1.0));
+        assert!(!ends_alone(line(-1.0, 0.0, 0.0), line(-1.0, 0.0, 0.0), &CURVE, 1.0));
+        assert!(!ends_alone(line(-1.0, 1.0, 0.8), line(-1.0, 1.0, 0.0), &CURVE, 1.0));
+        // Two target points may lie on one side by chance.
+        let two = [([0.4, 0.0, 0.0], 1.0), ([0.6, 0.0, 0.0], 1.0)];
+        assert!(!ends_alone(line(-1.0, 1.0, 0.0), two.into_iter(), &CURVE, 1.0));
+        // A filled image has no tangent.
+        let filled = Frame { along: 1.0, ..CURVE };
+        assert!(!ends_alone(line(-1.0, 0.0, 0.0), line(-1.0, 1.0, 0.0), &filled, 1.0));
+    }
 }
