@@ -20,7 +20,7 @@ use cfpose::{
     BuildContext, BuildError, Estimator, Execution, Isa, Model, Points, PointsError, Pose, Registry, Settings, Start,
 };
 use cfpose_lab::method::stages;
-use cfpose_vision::Camera;
+use cfpose_vision::{Camera, Fault};
 
 use crate::args::{FrameName, ProblemArgs, Reflections};
 use crate::failure::{Failure, Kind, is_wrong_name};
@@ -168,7 +168,7 @@ fn reflect(
 /// Read the stages of an estimator.
 fn pipeline(path: &Path) -> Result<Pipeline, Failure> {
     let text = std::fs::read_to_string(path)
-        .map_err(|error| Failure::input(format!("{}: cannot be read: {error}", path.display())))?;
+        .map_err(|error| Failure::input(format!("{}: {}", path.display(), Fault::from(error))))?;
     stages::read(&text, &path.display().to_string()).map_err(|error| Failure::input(error.to_string()))
 }
 

@@ -5,6 +5,7 @@ use std::path::Path;
 use cfpose::entry::{NamedEntry, find, parse_spec, suggest};
 use cfpose::theta::{Layout, RotationForm};
 use cfpose::{Registry, Start};
+use cfpose_vision::Fault;
 
 use crate::args::numbers;
 use crate::failure::Failure;
@@ -67,10 +68,7 @@ pub fn theta(list: &[f64], flag: &str, layout: &Layout, form: RotationForm) -> R
 /// Input for a file that holds none.
 pub fn from_file(path: &Path, context: &Context<'_>) -> Result<Vec<Vec<f64>>, Failure> {
     let Context { layout, form, depth, .. } = *context;
-    let text = std::fs::read_to_string(path).map_err(|error| match error.kind() {
-        std::io::ErrorKind::NotFound => fail(path, &"there is no such file; check the name and the folder"),
-        _ => fail(path, &error),
-    })?;
+    let text = std::fs::read_to_string(path).map_err(|error| fail(path, &Fault::from(error)))?;
     let text = text.strip_prefix('\u{feff}').unwrap_or(&text);
     if let Ok(value) = serde_json::from_str::<serde_json::Value>(text)
         && let Some(theta) = value.get("theta")

@@ -90,6 +90,10 @@ fn starts_and_poses() {
     let desk = desk();
     let line = format!("{RIGID} good.csv");
     assert_snapshot!(desk.fails(3, &format!("{line} --start absent.txt")), @"error: absent.txt: there is no such file; check the name and the folder");
+    for flag in ["--pipeline absent.toml", "--prior absent.json", "--features learned[file=absent.json]"] {
+        let said = desk.fails(3, &format!("{line} {flag}"));
+        assert!(said.ends_with(": there is no such file; check the name and the folder"), "{said}");
+    }
     desk.write("short.txt", "1 2 3 4\n");
     assert_snapshot!(desk.fails(3, &format!("{line} --start short.txt")), @"error: short.txt: theta needs 6 numbers (rotation 3 + translation 3), found 4");
     desk.write("scaled.txt", "2 0 0 0\n0 2 0 0\n0 0 2 0\n0 0 0 1\n");

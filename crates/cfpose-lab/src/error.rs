@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use cfpose::entry::EntryError;
+use cfpose_vision::Fault;
 
 use crate::scenario::ScenarioError;
 
@@ -10,7 +11,7 @@ use crate::scenario::ScenarioError;
 #[derive(Debug, thiserror::Error)]
 pub enum LabError {
     /// A file or folder cannot be read or written.
-    #[error("{}: cannot {action}: {source}", path.display())]
+    #[error("{}: cannot {action}: {}", path.display(), said(source))]
     Io {
         /// File or folder.
         path: PathBuf,
@@ -256,4 +257,12 @@ fn process_number(number: &str) -> String {
 
 fn did_you_mean(suggestions: &[String]) -> String {
     if suggestions.is_empty() { String::new() } else { format!("; did you mean {}?", suggestions.join(" or ")) }
+}
+
+/// Return what the system said; what is not there has the words of point files.
+fn said(source: &std::io::Error) -> String {
+    match source.kind() {
+        std::io::ErrorKind::NotFound => Fault::Missing.to_string(),
+        _ => source.to_string(),
+    }
 }

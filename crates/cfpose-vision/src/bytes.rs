@@ -13,17 +13,13 @@ const MOST_PIPED: u64 = 1 << 30;
 
 /// Read a file, a pipe or standard input (`-`) whole: memory is then bounded by what is really there.
 pub(crate) fn read_bytes(path: &Path) -> Result<Vec<u8>, Fault> {
-    let refuse = |error: std::io::Error| match error.kind() {
-        std::io::ErrorKind::NotFound => Fault::Missing,
-        _ => Fault::Io(error),
-    };
     let bytes = match path.as_os_str() == STANDARD_INPUT {
         true => read_pipe(std::io::stdin().lock(), MOST_PIPED)?,
         false => {
-            let kind = std::fs::metadata(path).map_err(refuse)?.file_type();
+            let kind = std::fs::metadata(path)?.file_type();
             match (kind.is_file(), is_pipe(&kind)) {
-                (true, _) => std::fs::read(path).map_err(refuse)?,
-                (false, true) => read_pipe(std::fs::File::open(path).map_err(refuse)?, MOST_PIPED)?,
+                (true, _) => std::fs::read(path)?,
+                (false, true) => read_pipe(std::fs::File::open(path)?, MOST_PIPED)?,
                 (false, false) => return Err(Fault::NotAFile),
             }
         }

@@ -60,6 +60,16 @@ impl Flaw {
     }
 }
 
+impl From<std::io::Error> for Fault {
+    /// Take what the operating system said; a file that is not there has its own words.
+    fn from(error: std::io::Error) -> Self {
+        match error.kind() {
+            std::io::ErrorKind::NotFound => Fault::Missing,
+            _ => Fault::Io(error),
+        }
+    }
+}
+
 impl From<Fault> for Flaw {
     /// Place a fault at the whole file.
     fn from(fault: Fault) -> Self {

@@ -98,14 +98,10 @@ fn open(path: &Path) -> Result<Box<dyn BufRead>, Fault> {
     let mut bytes: Box<dyn BufRead> = match path.as_os_str() == STANDARD_INPUT {
         true => Box::new(BufReader::with_capacity(1 << 20, std::io::stdin())),
         false => {
-            let refuse = |error: std::io::Error| match error.kind() {
-                std::io::ErrorKind::NotFound => Fault::Missing,
-                _ => Fault::Io(error),
-            };
-            if std::fs::metadata(path).map_err(refuse)?.is_dir() {
+            if std::fs::metadata(path)?.is_dir() {
                 return Err(Fault::NotAFile);
             }
-            Box::new(BufReader::with_capacity(1 << 20, File::open(path).map_err(refuse)?))
+            Box::new(BufReader::with_capacity(1 << 20, File::open(path)?))
         }
     };
     let begin = bytes.fill_buf().map_err(Fault::Io)?;

@@ -5,6 +5,7 @@ use std::path::Path;
 use cfpose::estimator::{Minimised, NoiseModel};
 use cfpose::problem::Evaluation;
 use cfpose_lab::Lab;
+use cfpose_vision::Fault;
 use serde::Serialize;
 use serde_json::Value;
 
@@ -82,7 +83,7 @@ fn read_result(args: &EvaluateArgs) -> Result<Value, Failure> {
         return Err(Failure::usage(format!("{flag} beside a result, which has its own; leave it out or give numbers")));
     }
     let fail = |error: &dyn std::fmt::Display| Failure::input(format!("{}: {error}", path.display()));
-    let text = std::fs::read_to_string(path).map_err(|error| fail(&error))?;
+    let text = std::fs::read_to_string(path).map_err(|error| fail(&Fault::from(error)))?;
     serde_json::from_str(&text).map_err(|error| fail(&format!("this is no result of estimate: {error}")))
 }
 

@@ -5,6 +5,7 @@ use cfpose::free::{Frame, find_columns};
 use cfpose::theta::Layout;
 use cfpose::{BuildError, Prior};
 use cfpose_lab::method::known::PriorFile;
+use cfpose_vision::Fault;
 
 use crate::args::ProblemArgs;
 use crate::failure::Failure;
@@ -66,7 +67,7 @@ pub fn bounds(args: &ProblemArgs, layout: &Layout) -> Result<Vec<Bound>, Failure
 pub fn prior(args: &ProblemArgs, context: &starts::Context<'_>) -> Result<Option<Prior>, Failure> {
     let Some(path) = &args.prior else { return Ok(None) };
     let fail = |problem: &dyn std::fmt::Display| Failure::input(format!("{}: {problem}", path.display()));
-    let text = std::fs::read_to_string(path).map_err(|error| fail(&error))?;
+    let text = std::fs::read_to_string(path).map_err(|error| fail(&Fault::from(error)))?;
     let prior = PriorFile::read(&text).map_err(|problem| fail(&problem))?;
     prior.resolve(context.layout, context.model, context.form).map(Some).map_err(|problem| fail(&problem))
 }

@@ -6,6 +6,7 @@ use cfpose::free::columns;
 use cfpose::from_moments::MomentEstimator;
 use cfpose::moments::GatheredMoments;
 use cfpose::{BuildContext, Isa, Registry};
+use cfpose_vision::Fault;
 
 use super::{execution, free_columns, isa, settings};
 use crate::args::ProblemArgs;
@@ -33,11 +34,12 @@ pub struct LoadedMoments {
 /// Input: no such file, another content, damage.
 pub fn read(path: &Path) -> Result<GatheredMoments, Failure> {
     let fail = |problem: String| Failure::input(format!("{}: {problem}", path.display()));
-    let size = std::fs::metadata(path).map_err(|error| fail(format!("cannot be read: {error}")))?.len();
+    let refused = |error| fail(Fault::from(error).to_string());
+    let size = std::fs::metadata(path).map_err(refused)?.len();
     if size > MOST_BYTES {
         return Err(fail(format!("this is no moment file: {size} bytes are more than any has")));
     }
-    let bytes = std::fs::read(path).map_err(|error| fail(format!("cannot be read: {error}")))?;
+    let bytes = std::fs::read(path).map_err(refused)?;
     GatheredMoments::from_bytes(&bytes).map_err(|error| fail(error.to_string()))
 }
 

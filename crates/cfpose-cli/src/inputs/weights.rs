@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use cfpose::Registry;
 use cfpose::families::learned::Weights;
+use cfpose_vision::Fault;
 
 use crate::failure::Failure;
 
@@ -21,7 +22,7 @@ pub fn with_files(
     for name in names {
         let path = folder.join(&name);
         let bytes = std::fs::read(&path)
-            .map_err(|error| Failure::input(format!("{}: cannot be read: {error}", path.display())))?;
+            .map_err(|error| Failure::input(format!("{}: {}", path.display(), Fault::from(error))))?;
         Weights::from_bytes(&bytes).map_err(|error| Failure::input(format!("{}: {error}", path.display())))?;
         registry.files.insert(name, Arc::from(bytes));
     }

@@ -54,10 +54,7 @@ const PAIRS: &[(&str, &str)] =
 /// ```
 pub fn read_camera(path: &Path, choice: Option<&str>) -> Result<Camera, FileError> {
     let fail = |fault: Fault| Flaw::from(fault).in_file(path);
-    let file = std::fs::File::open(path).map_err(|error| match error.kind() {
-        std::io::ErrorKind::NotFound => fail(Fault::Missing),
-        _ => fail(Fault::Io(error)),
-    })?;
+    let file = std::fs::File::open(path).map_err(|error| fail(error.into()))?;
     let mut bytes = Vec::new();
     file.take(MAX_BYTES + 1).read_to_end(&mut bytes).map_err(|error| fail(Fault::Io(error)))?;
     parse_camera(&bytes, choice).map_err(fail)
