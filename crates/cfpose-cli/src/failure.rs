@@ -114,6 +114,7 @@ impl From<cfpose_learn::LearnError> for Failure {
     fn from(error: cfpose_learn::LearnError) -> Self {
         match error {
             cfpose_learn::LearnError::Library(error) => error.into(),
+            cfpose_learn::LearnError::File(error) => error.into(),
             cfpose_learn::LearnError::Entry { .. } => Self { kind: Kind::Usage, error: error.into() },
             _ => Self { kind: Kind::Input, error: error.into() },
         }

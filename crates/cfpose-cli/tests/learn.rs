@@ -60,7 +60,12 @@ fn weights_are_trained_used_and_refused_by_name() {
     let message = desk.fails(3, &format!("{estimate} learned[file=x.safetensors]"));
     assert!(message.contains("x.safetensors: not a safetensors file"), "{message}");
     let message = desk.fails(3, &format!("{estimate} hermite+2*learned[file=absent]"));
-    assert!(message.contains("absent: cannot be read"), "{message}");
+    assert!(message.contains("absent: there is no such file; check the name and the folder"), "{message}");
+    let message = desk.fails(3, "learn absent.toml");
+    assert!(
+        message.ends_with("absent.toml: cannot read: there is no such file; check the name and the folder"),
+        "{message}"
+    );
     let message = desk.fails(2, "learn t.toml --out t.toml");
     assert!(message.contains("would overwrite t.toml"), "{message}");
     desk.write("u.toml", TRAINING.replace("contraction", "contractoin"));

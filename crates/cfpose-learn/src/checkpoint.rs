@@ -3,6 +3,7 @@
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
+use cfpose_lab::LabError;
 use cfpose_lab::seed::fnv1a;
 use safetensors::tensor::TensorView;
 use safetensors::{Dtype, SafeTensors};
@@ -33,7 +34,7 @@ impl Checkpoint {
         let bytes = match std::fs::read(&self.path) {
             Ok(bytes) => bytes,
             Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(self),
-            Err(source) => return Err(LearnError::Io { path: self.path, action: "read", source }),
+            Err(source) => return Err(LabError::Io { path: self.path, action: "read", source }.into()),
         };
         let refuse = |problem: String| LearnError::Checkpoint { path: self.path.clone(), problem };
         let damaged = |error: safetensors::SafeTensorError| refuse(format!("is no checkpoint: {error}; delete it"));
@@ -57,7 +58,7 @@ impl Checkpoint {
     /// Add the parameters of a round and write the file, first beside it, so that it is whole at every moment.
     ///
     /// # Errors
-    /// [`LearnError::Io`].
+    /// [`LearnError::File`].
     pub fn push(&mut self, parameters: Vec<f64>) -> Result<(), LearnError> {
         self.rounds.push(parameters);
         let data: Vec<Vec<u8>> =
@@ -83,8 +84,8 @@ impl Checkpoint {
 
 /// Write a file beside its place and move it there.
 pub fn write(path: &Path, bytes: &[u8]) -> Result<(), LearnError> {
-    let fault = |source| LearnError::Io { path: path.to_path_buf(), action: "write", source };
+    let fault = |source| LabError::Io { path: path.to_path_buf(), action: "write", source };
     let beside = path.with_extension("part");
     std::fs::write(&beside, bytes).map_err(fault)?;
-    std::fs::rename(&beside, path).map_err(fault)
+    Ok(std::fs::rename(&beside, path).map_err(fault)?)
 }

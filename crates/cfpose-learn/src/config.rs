@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use cfpose::entry::{EntryError, find};
-use cfpose_lab::Lab;
+use cfpose_lab::{Lab, LabError};
 use serde::Deserialize;
 use toml::Value;
 
@@ -189,7 +189,7 @@ impl Config {
     /// # Errors
     /// [`LearnError`] for a file that cannot be read, unknown keys, names and values that cannot be used.
     pub fn load(lab: &Lab, path: &Path) -> Result<Self, LearnError> {
-        let text = std::fs::read_to_string(path).map_err(|source| LearnError::Io {
+        let text = std::fs::read_to_string(path).map_err(|source| LabError::Io {
             path: path.to_path_buf(),
             action: "read",
             source,

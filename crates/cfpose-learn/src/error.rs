@@ -3,20 +3,14 @@
 use std::path::PathBuf;
 
 use cfpose::entry::EntryError;
+use cfpose_lab::LabError;
 
 /// Everything that can go wrong around a training.
 #[derive(Debug, thiserror::Error)]
 pub enum LearnError {
-    /// A file or folder cannot be read or written.
-    #[error("{}: cannot {action}: {source}", path.display())]
-    Io {
-        /// File or folder.
-        path: PathBuf,
-        /// `read`, `write`, ...
-        action: &'static str,
-        /// What the system said.
-        source: std::io::Error,
-    },
+    /// A file or folder cannot be read or written ([`LabError::Io`]).
+    #[error(transparent)]
+    File(#[from] LabError),
     /// The configuration cannot be used.
     #[error("{file}: {problem}")]
     Config {
