@@ -20,6 +20,7 @@ pub use support::Support;
 
 use std::sync::Arc;
 
+use cfpose_kernel::Isa;
 use cfpose_kernel::map::{LiftedPoints, MapBlock, Transform};
 use cfpose_kernel::points::{BLOCK, Points};
 use cfpose_optim::manifold::Manifold;
@@ -72,6 +73,11 @@ impl<'a> Mover<'a> {
     /// Return the dimension of the feature space.
     pub fn dim(&self) -> usize {
         self.problem.model().dim()
+    }
+
+    /// Return the instruction set of the problem.
+    pub fn isa(&self) -> Isa {
+        self.problem.isa()
     }
 
     /// Return the number of tangent coordinates of the model (nuisance parameters not counted).

@@ -29,11 +29,11 @@ mod edges;
 mod fit;
 mod kernels;
 mod mixture;
+mod responsibilities;
 mod shape;
 mod weights;
 
 pub(crate) use fit::Fit;
-use kernels::Precision;
 use shape::{Frame, Shape};
 
 /// What a kernel on a source point stands for.
@@ -302,45 +302,39 @@ impl<'a> PointsLikelihood<'a> {
             displacement: vec![0.0; n * n],
         };
         let (mut pull, mut total) = (vec![0.0; n], vec![0.0; n]);
-        let mut shares = vec![0.0; placed.each];
         let (mut mass, mut nearest) = (vec![0.0; placed.mapped.x.len()], vec![0.0; placed.mapped.x.len()]);
         let kernels = self.kernels(placed, mixture);
-        for (j, q) in self.target.iter().enumerate() {
+        self.explain(placed, &kernels, |j, explained| {
             if placed.is_left_out(j) {
-                continue;
+                return;
             }
-            let near = placed.near_to(j);
-            sums.log_likelihood += kernels.responsibilities(placed, j, &mut shares).0;
+            let (q, near) = (&self.target[j], placed.near_to(j));
+            sums.log_likelihood += explained.log;
             nearest[near[0] as usize] += 1.0;
             total.fill(0.0);
-            for (share, k) in shares.iter().zip(near) {
-                if *share < NEGLIGIBLE {
+            for (share, k) in explained.shares().zip(near) {
+                if share < NEGLIGIBLE {
                     continue;
                 }
                 let k = *k as usize;
                 mass[k] += share;
                 // a = G' S^-1 v.
                 let v: [f64; 3] = std::array::from_fn(|d| q[d] - placed.mapped.x[k][d]);
-                let weighted = Precision::of(&placed.frames[k], mixture).apply(&v);
+                let weighted = kernels.precisions[k].apply(&v);
                 pull.fill(0.0);
                 for d in 0..dim {
                     pull.iter_mut().zip(placed.mapped.slope(k, d)).for_each(|(p, g)| *p += weighted[d] * g);
                 }
                 total.iter_mut().zip(&pull).for_each(|(t, p)| *t += share * p);
-                add_outer(&mut sums.lost, &pull, *share);
+                add_outer(&mut sums.lost, &pull, share);
             }
             add_outer(&mut sums.lost, &total, -1.0);
             sums.gradient.iter_mut().zip(&total).for_each(|(g, t)| *g += t);
-        }
+        });
         // G' S^-1 G of a source point counts as often as it is responsible.
         for k in 0..mass.len() {
             if mass[k] > 0.0 {
-                Precision::of(&placed.frames[k], mixture).add_information(
-                    &placed.mapped,
-                    k,
-                    mass[k],
-                    &mut sums.complete,
-                );
+                kernels.precisions[k].add_information(&placed.mapped, k, mass[k], &mut sums.complete);
             }
             if nearest[k] > 0.0 {
                 (0..dim).for_each(|d| add_outer(&mut sums.displacement, placed.mapped.slope(k, d), nearest[k]));
@@ -354,45 +348,40 @@ impl<'a> PointsLikelihood<'a> {
 
     /// Return the log likelihood alone.
     pub fn log_likelihood(&self, placed: &Placed, mixture: &Mixture) -> f64 {
-        self.total(placed, mixture).0
+        let mut sum = -placed.cost;
+        self.explain(placed, &self.kernels(placed, mixture), |j, explained| {
+            sum += if placed.is_left_out(j) { 0.0 } else { explained.log };
+        });
+        sum
+    }
+
+    /// Return for every target point ln p and the probability that it is no clutter.
+    fn explained(&self, placed: &Placed, mixture: &Mixture) -> Vec<[f64; 2]> {
+        let mut each = Vec::with_capacity(self.target.len());
+        self.explain(placed, &self.kernels(placed, mixture), |_, explained| {
+            each.push([explained.log, explained.inlier]);
+        });
+        each
     }
 
     /// Return ln p of every target point.
     pub fn log_each(&self, placed: &Placed, mixture: &Mixture) -> Vec<f64> {
-        let kernels = self.kernels(placed, mixture);
-        let mut shares = vec![0.0; placed.each];
-        (0..self.target.len()).map(|j| kernels.responsibilities(placed, j, &mut shares).0).collect()
+        self.explained(placed, mixture).into_iter().map(|[log, _]| log).collect()
     }
 
-    /// Return the log likelihood and the sum of the probabilities of being no clutter.
-    fn total(&self, placed: &Placed, mixture: &Mixture) -> (f64, f64) {
-        let kernels = self.kernels(placed, mixture);
-        let mut shares = vec![0.0; placed.each];
-        let of = |j: usize| {
-            let (value, inlier) = kernels.responsibilities(placed, j, &mut shares);
-            (if placed.is_left_out(j) { 0.0 } else { value }, inlier)
-        };
-        let (sum, inliers) = (0..self.target.len()).map(of).fold((0.0, 0.0), |(a, b), (x, y)| (a + x, b + y));
-        (sum - placed.cost, inliers)
+    /// Return for every target point the probability that it is no clutter.
+    pub fn responsibilities(&self, placed: &Placed, mixture: &Mixture) -> Vec<f64> {
+        self.explained(placed, mixture).into_iter().map(|[_, inlier]| inlier).collect()
     }
 
     /// Return for every one of other points of the target, so many that no lists of neighbours are kept, the probability that it is no
     /// clutter.
     pub fn responsibilities_of(&self, placed: &Placed, mixture: &Mixture, points: &[[f64; 3]]) -> Vec<f64> {
-        let (mut nearby, kernels, mut shares) =
-            (Nearby::new(placed), self.kernels(placed, mixture), vec![0.0; placed.each]);
-        let of = |q: &[f64; 3]| {
-            let (near, distances) = nearby.of(q);
-            kernels.shares(near, distances, &mut shares).1
-        };
-        points.iter().map(of).collect()
-    }
-
-    /// Return for every target point the probability that it is no clutter.
-    pub fn responsibilities(&self, placed: &Placed, mixture: &Mixture) -> Vec<f64> {
-        let kernels = self.kernels(placed, mixture);
-        let mut shares = vec![0.0; placed.each];
-        (0..self.target.len()).map(|j| kernels.responsibilities(placed, j, &mut shares).1).collect()
+        let mut inliers = Vec::with_capacity(points.len());
+        self.explain_others(&mut Nearby::new(placed), &self.kernels(placed, mixture), points, |_, _, _, explained| {
+            inliers.push(explained.inlier);
+        });
+        inliers
     }
 }
 
@@ -410,13 +399,16 @@ impl<'a> Nearby<'a> {
         Self { placed, tree, near: Vec::new(), distances: Vec::new() }
     }
 
-    /// Return the nearest source points of a point, and its distances from them ([`Placed::distance`]).
-    fn of(&mut self, q: &[f64; 3]) -> (&[u32], &[[f64; 2]]) {
+    /// Return the nearest source points of each of some points, and the distances from them ([`Placed::distance`]).
+    fn of(&mut self, points: &[[f64; 3]]) -> (&[u32], &[[f64; 2]]) {
         let placed = self.placed;
         self.near.clear();
-        self.near.extend(self.tree.nearest_n(q, placed.each).iter().map(|found| found.index as u32));
         self.distances.clear();
-        self.distances.extend(self.near.iter().map(|k| placed.distance(q, *k as usize)));
+        for q in points {
+            let found = self.tree.nearest_n(q, placed.each);
+            self.near.extend(found.iter().map(|found| found.index as u32));
+            self.distances.extend(found.iter().map(|found| placed.distance(q, found.index)));
+        }
         (&self.near, &self.distances)
     }
 }
@@ -445,6 +437,11 @@ impl Placed {
     /// Say whether target point `j` takes no part in theta and noise.
     fn is_left_out(&self, j: usize) -> bool {
         self.left_out.get(j).is_some_and(|out| *out)
+    }
+
+    /// Return the distances of target point `j` from the source points near it.
+    fn distances_to(&self, j: usize) -> &[[f64; 2]] {
+        &self.distances[j * self.each..(j + 1) * self.each]
     }
 
     /// Return the source points near target point `j`.

@@ -50,39 +50,35 @@ impl PointsLikelihood<'_> {
     ) -> (Vec<Miss>, Vec<[f64; 3]>) {
         let placed = nearby.placed;
         let kernels = self.kernels(placed, mixture);
-        let mut shares = vec![0.0; placed.each];
         let (mut misses, mut drawn) = (Vec::with_capacity(points.len()), Vec::with_capacity(points.len()));
-        for q in points {
-            let (near, distances) = nearby.of(q);
-            let (_, inlier) = kernels.shares(near, distances, &mut shares);
-            if inlier < 0.5 {
-                continue;
+        self.explain_others(nearby, &kernels, points, |q, near, distances, explained| {
+            if explained.inlier < 0.5 {
+                return;
             }
             let mut vector = [0.0; 3];
-            let mut left = inlier * rng.random::<f64>();
+            let mut left = explained.inlier * rng.random::<f64>();
             let mut from = near[0] as usize;
-            for ((share, k), [on, _]) in shares.iter().zip(near).zip(distances) {
-                let frame = &placed.frames[*k as usize];
+            for ((share, k), [on, _]) in explained.shares().zip(near).zip(distances) {
+                let (k, frame) = (*k as usize, &placed.frames[*k as usize]);
                 if left > 0.0 {
-                    from = *k as usize;
+                    from = k;
                 }
                 left -= share;
-                if *share > NEGLIGIBLE && frame.along < 0.5 * frame.across {
-                    let off = share / inlier * (on - Precision::of(frame, mixture).bend);
+                if share > NEGLIGIBLE && frame.along < 0.5 * frame.across {
+                    let off = share / explained.inlier * (on - kernels.precisions[k].bend);
                     (0..3).for_each(|d| vector[d] += off * frame.axis[d]);
                 }
             }
             misses.push(Miss { point: *q, vector });
-            drawn.push(draw(placed, mixture, from, rng));
-        }
+            drawn.push(draw(placed, &kernels.precisions[from], from, rng));
+        });
         (misses, drawn)
     }
 }
 
 /// Draw a point from the kernel of source point `k`: N(x + b a, S).
-fn draw(placed: &Placed, mixture: &Mixture, k: usize, rng: &mut ChaCha12Rng) -> [f64; 3] {
+fn draw(placed: &Placed, precision: &Precision, k: usize, rng: &mut ChaCha12Rng) -> [f64; 3] {
     let (frame, dim) = (&placed.frames[k], placed.mapped.dim);
-    let precision = Precision::of(frame, mixture);
     let mut free = [0.0; 3];
     free[..dim].iter_mut().for_each(|v| *v = rng.sample(StandardNormal));
     let on = precision.project(&free);

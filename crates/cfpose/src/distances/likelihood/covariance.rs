@@ -1,6 +1,5 @@
 //! The covariance of theta: observed information, and a sandwich over both samples.
 
-use super::kernels::Precision;
 use super::{Kernel, Mixture, NEGLIGIBLE, Placed, PointsLikelihood};
 use crate::geometry::linalg::{add_outer, congruent, invert, symmetric_eigen_any, symmetrise};
 
@@ -44,21 +43,21 @@ impl PointsLikelihood<'_> {
         let (dim, n) = (placed.mapped.dim, placed.mapped.tangent);
         let (mut meat, mut pairs) = (vec![0.0; n * n], vec![0.0; n * n]);
         let mut by_source = vec![0.0; n * placed.mapped.x.len()];
-        let (mut shares, mut score, mut pull) = (vec![0.0; placed.each], vec![0.0; n], vec![0.0; n]);
+        let (mut score, mut pull) = (vec![0.0; n], vec![0.0; n]);
         let kernels = self.kernels(placed, mixture);
-        for (j, q) in self.target.iter().enumerate() {
+        self.explain(placed, &kernels, |j, explained| {
             if placed.is_left_out(j) {
-                continue;
+                return;
             }
-            kernels.responsibilities(placed, j, &mut shares);
+            let q = &self.target[j];
             score.fill(0.0);
-            for (share, k) in shares.iter().zip(placed.near_to(j)) {
+            for (share, k) in explained.shares().zip(placed.near_to(j)) {
                 let k = *k as usize;
-                if *share < NEGLIGIBLE {
+                if share < NEGLIGIBLE {
                     continue;
                 }
                 let v: [f64; 3] = std::array::from_fn(|d| q[d] - placed.mapped.x[k][d]);
-                let weighted = Precision::of(&placed.frames[k], mixture).apply(&v);
+                let weighted = kernels.precisions[k].apply(&v);
                 pull.fill(0.0);
                 for d in 0..dim {
                     pull.iter_mut().zip(placed.mapped.slope(k, d)).for_each(|(p, g)| *p += share * weighted[d] * g);
@@ -68,7 +67,7 @@ impl PointsLikelihood<'_> {
                 add_outer(&mut pairs, &pull, 1.0);
             }
             add_outer(&mut meat, &score, 1.0);
-        }
+        });
         symmetrise(n, &mut meat);
         if mixture.kernel == Kernel::Shape {
             let mut excess: Vec<f64> = pairs.iter().map(|pair| -pair).collect();

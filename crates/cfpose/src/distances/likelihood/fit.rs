@@ -108,7 +108,7 @@ impl PointsLikelihood<'_> {
                 self.reweigh(&mut placed, &mixture);
             }
             let before = mixture.sigma;
-            mixture = self.updated(self.variance(&placed, &mixture), &mixture);
+            mixture = self.updated(&self.survey(&placed, &mixture), &mixture);
             if nats <= NATS[1] {
                 mixture.sigma *= ahead(&mut drift, (mixture.sigma / before).ln());
             }

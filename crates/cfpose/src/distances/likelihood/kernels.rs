@@ -8,47 +8,32 @@ use crate::geometry::linalg::add_outer;
 impl PointsLikelihood<'_> {
     /// Return the kernels of all source points.
     pub(super) fn kernels(&self, placed: &Placed, mixture: &Mixture) -> Kernels {
-        let dim = placed.mapped.dim as f64;
-        let log_inlier = (1.0 - mixture.clutter).ln() - 0.5 * dim * std::f64::consts::TAU.ln();
-        let each = placed.frames.iter().zip(&placed.log_weights).map(|(frame, log_weight)| {
-            let precision = Precision::of(frame, mixture);
-            let peak = log_inlier + log_weight - 0.5 * precision.log_determinant(dim);
+        let dim = placed.mapped.dim;
+        let log_inlier = (1.0 - mixture.clutter).ln() - 0.5 * dim as f64 * std::f64::consts::TAU.ln();
+        let precisions: Vec<Precision> = placed.frames.iter().map(|frame| Precision::of(frame, mixture)).collect();
+        let parts = precisions.iter().zip(&placed.log_weights).map(|(precision, log_weight)| {
+            let peak = log_inlier + log_weight + 0.5 * precision.determinant(dim).ln();
             [peak, -0.5 * precision.along, -0.5 * precision.across, precision.bend]
         });
-        Kernels { each: each.collect(), log_clutter: mixture.clutter.ln() + self.log_uniform }
+        Kernels { parts: parts.collect(), precisions, log_clutter: mixture.clutter.ln() + self.log_uniform }
     }
 }
 
-/// The kernels of all source points at one mixture: ln of the peak, and what multiplies the squares along and across the axis, and where its
-/// middle lies on it.
+/// The kernels of all source points at one mixture.
 pub(super) struct Kernels {
-    each: Vec<[f64; 4]>,
-    log_clutter: f64,
+    /// ln of the peak, what multiplies the squares along and across the axis, where the middle lies on it.
+    parts: Vec<[f64; 4]>,
+    pub precisions: Vec<Precision>,
+    /// ln of the part of clutter.
+    pub log_clutter: f64,
 }
 
 impl Kernels {
-    /// Fill `shares` with the probabilities that target point `j` comes from each source point near it; return ln p(q) and their sum.
-    pub fn responsibilities(&self, placed: &Placed, j: usize, shares: &mut [f64]) -> (f64, f64) {
-        self.shares(placed.near_to(j), &placed.distances[j * placed.each..(j + 1) * placed.each], shares)
-    }
-
-    /// Do the same for a target point whose nearest source points and distances from them ([`Placed::distances`]) are given.
-    pub fn shares(&self, near: &[u32], distances: &[[f64; 2]], shares: &mut [f64]) -> (f64, f64) {
-        let mut largest = self.log_clutter;
-        for ((share, k), [on, off]) in shares.iter_mut().zip(near).zip(distances) {
-            let [peak, along, across, bend] = self.each[*k as usize];
-            *share = peak + along * (on - bend) * (on - bend) + across * off;
-            largest = largest.max(*share);
-        }
-        let mut inlier = 0.0;
-        for share in shares.iter_mut() {
-            let below = *share - largest;
-            *share = if below > -30.0 { below.exp() } else { 0.0 };
-            inlier += *share;
-        }
-        let total = inlier + (self.log_clutter - largest).exp();
-        shares.iter_mut().for_each(|share| *share /= total);
-        (largest + total.ln(), inlier / total)
+    /// Return ln((1 - c) w N(q; x + b, S)) of source point `k` at the distances of a point from it ([`Placed::distance`]).
+    #[inline(always)]
+    pub fn log_part(&self, k: usize, [on, off]: [f64; 2]) -> f64 {
+        let [peak, along, across, bend] = self.parts[k];
+        peak + along * (on - bend) * (on - bend) + across * off
     }
 }
 
@@ -90,9 +75,9 @@ impl Precision {
         self.axis.iter().zip(v).map(|(a, v)| a * v).sum()
     }
 
-    /// ln det S in `dim` dimensions.
-    pub fn log_determinant(&self, dim: f64) -> f64 {
-        -(self.along.ln() + (dim - 1.0) * self.across.ln())
+    /// det S^-1 in `dim` dimensions.
+    fn determinant(&self, dim: usize) -> f64 {
+        (1..dim).fold(self.along, |product, _| product * self.across)
     }
 
     /// S^-1 (v - bend a), v from the source point to a target point.
@@ -114,13 +99,13 @@ impl Precision {
     }
 
     /// Fisher scoring for s^2: each direction tells by its squared precision how far its square exceeds its tangential width.
-    /// `on` is a distance along the axis, `off` a squared one across it.
-    pub fn add_variance(&self, on: f64, off: f64, share: f64, dim: usize, sums: &mut [f64; 2]) {
-        let on = (on - self.bend) * (on - self.bend);
-        let (along, across) = (share * self.along * self.along, share * self.across * self.across);
+    /// Weighted sums of squares along the axis and across it, and of the weights; returns what s^2 is a quotient of.
+    pub fn variance(&self, [on, off, share]: [f64; 3], dim: usize) -> [f64; 2] {
+        let (along, across) = (self.along * self.along, self.across * self.across);
         let others = dim as f64 - 1.0;
         let tangential = |precision: f64| precision.recip() - self.noise;
-        sums[0] += along * (on - tangential(self.along)) + across * (off - others * tangential(self.across));
-        sums[1] += along + others * across;
+        let square =
+            along * (on - share * tangential(self.along)) + across * (off - share * others * tangential(self.across));
+        [square, share * (along + others * across)]
     }
 }

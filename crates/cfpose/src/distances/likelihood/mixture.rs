@@ -1,27 +1,35 @@
 //! The unknowns beside theta: noise and clutter, and which kernel they are of.
 
-use super::kernels::Precision;
-use super::{Kernel, Mixture, NEGLIGIBLE, Placed, PointsLikelihood};
+use super::{Kernel, Mixture, Placed, PointsLikelihood};
 
 /// Clutter is between these shares.
 const CLUTTER: [f64; 2] = [1e-3, 0.85];
 /// Noise is between these shares of the target's size.
 pub(super) const SIGMA: [f64; 2] = [2e-4, 0.25];
+/// Sums over the target at one theta and mixture.
+pub(super) struct Survey {
+    pub log_likelihood: f64,
+    /// s^2 is the quotient ([`Precision::variance`](super::kernels::Precision::variance)).
+    variance: [f64; 2],
+    /// Sum of the probabilities of being no clutter.
+    inliers: f64,
+}
+
 impl PointsLikelihood<'_> {
     /// Return the mixture of a kernel that is most likely at a placement, and its log likelihood: s over a grid, c by its fixed point,
     /// then both by theirs.
     pub fn best_mixture(&self, placed: &mut Placed, kernel: Kernel, grid: usize) -> (Mixture, f64) {
         let (mixture, _) = self.likely_mixture(placed, kernel, grid);
         self.reweigh(placed, &mixture);
-        self.settled(placed, mixture, self.log_likelihood(placed, &mixture))
+        self.settled(placed, mixture)
     }
 
     /// Return the mixture that is most likely at a placement, from one that is about as likely, and its log likelihood.
     pub fn mixture_from(&self, placed: &mut Placed, mixture: &Mixture) -> (Mixture, f64) {
         self.reweigh(placed, mixture);
-        let (mixture, _) = self.settled(placed, *mixture, self.log_likelihood(placed, mixture));
+        let (mixture, _) = self.settled(placed, *mixture);
         self.reweigh(placed, &mixture);
-        self.settled(placed, mixture, self.log_likelihood(placed, &mixture))
+        self.settled(placed, mixture)
     }
 
     /// Return the kernel that is more likely at theta. Where noise hides the spacing the two are nearly the same: copies have to be
@@ -40,61 +48,78 @@ impl PointsLikelihood<'_> {
                 break;
             }
             let sigma = bounds[0] * (bounds[1] / bounds[0]).powf(k as f64 / (grid - 1) as f64);
-            let mut mixture = Mixture { kernel, sigma, clutter: 0.1 };
-            let (_, inliers) = self.total(placed, &mixture);
-            mixture.clutter = self.clutter(inliers);
-            let (value, _) = self.total(placed, &mixture);
+            let (mixture, value) = self.with_its_clutter(placed, &Mixture { kernel, sigma, clutter: 0.1 });
             if best.as_ref().is_none_or(|(_, most)| value > *most) {
                 best = Some((mixture, value));
             }
         }
-        let (mixture, value) = best.unwrap_or((Mixture { kernel, sigma: bounds[1], clutter: 0.5 }, f64::NEG_INFINITY));
-        self.settled(placed, mixture, value)
+        let mixture = best.map_or(Mixture { kernel, sigma: bounds[1], clutter: 0.5 }, |(mixture, _)| mixture);
+        self.settled(placed, mixture)
+    }
+
+    /// Take one step of c alone; return the mixture and its log likelihood.
+    fn with_its_clutter(&self, placed: &Placed, mixture: &Mixture) -> (Mixture, f64) {
+        let each = self.explained(placed, mixture);
+        let next = Mixture { clutter: self.clutter(each.iter().map(|[_, inlier]| inlier).sum()), ..*mixture };
+        // p = inlying + outlying, each in proportion to its share of all points.
+        let inlying = (1.0 - next.clutter) / (1.0 - mixture.clutter);
+        let outlying = next.clutter / mixture.clutter;
+        let taking_part = each.iter().enumerate().filter(|(j, _)| !placed.is_left_out(*j));
+        let log = |(_, [log, inlier]): (usize, &[f64; 2])| log + (inlier * inlying + (1.0 - inlier) * outlying).ln();
+        (next, taking_part.map(log).sum::<f64>() - placed.cost)
     }
 
     /// Lead s and c to their fixed point, while that gains.
-    fn settled(&self, placed: &Placed, mut mixture: Mixture, mut value: f64) -> (Mixture, f64) {
+    fn settled(&self, placed: &Placed, mut mixture: Mixture) -> (Mixture, f64) {
+        let mut survey = self.survey(placed, &mixture);
         for _ in 0..4 {
-            let next = self.updated(self.variance(placed, &mixture), &mixture);
-            let reached = self.log_likelihood(placed, &next);
-            if reached <= value + 1e-3 {
+            let next = self.updated(&survey, &mixture);
+            let there = self.survey(placed, &next);
+            if there.log_likelihood <= survey.log_likelihood + 1e-3 {
                 break;
             }
-            (mixture, value) = (next, reached);
+            (mixture, survey) = (next, there);
         }
-        (mixture, value)
+        (mixture, survey.log_likelihood)
     }
 
     fn clutter(&self, inliers: f64) -> f64 {
         (1.0 - inliers / self.target.len() as f64).clamp(CLUTTER[0], CLUTTER[1])
     }
 
-    /// Sum what a step of s^2 and c needs: weighted squares and weights of [`Precision::add_variance`], inliers.
-    pub(super) fn variance(&self, placed: &Placed, mixture: &Mixture) -> ([f64; 2], f64) {
+    /// Sum over the target what a step of s^2 and c needs.
+    pub(super) fn survey(&self, placed: &Placed, mixture: &Mixture) -> Survey {
         let kernels = self.kernels(placed, mixture);
-        let (mut shares, mut variance, mut inliers) = (vec![0.0; placed.each], [0.0; 2], 0.0);
-        for j in 0..self.target.len() {
-            inliers += kernels.responsibilities(placed, j, &mut shares).1;
+        let (mut log_likelihood, mut inliers) = (-placed.cost, 0.0);
+        let mut squares = vec![[0.0; 3]; placed.mapped.x.len()];
+        self.explain(placed, &kernels, |j, explained| {
+            inliers += explained.inlier;
             if placed.is_left_out(j) {
-                continue;
+                return;
             }
-            for (at, (share, k)) in shares.iter().zip(placed.near_to(j)).enumerate() {
-                if *share > NEGLIGIBLE {
-                    let [on, off] = placed.distances[j * placed.each + at];
-                    let precision = Precision::of(&placed.frames[*k as usize], mixture);
-                    precision.add_variance(on, off, *share, placed.mapped.dim, &mut variance);
-                }
+            log_likelihood += explained.log;
+            for ((share, k), [on, off]) in explained.shares().zip(placed.near_to(j)).zip(placed.distances_to(j)) {
+                let (bend, sums) = (kernels.precisions[*k as usize].bend, &mut squares[*k as usize]);
+                sums[0] += share * (on - bend) * (on - bend);
+                sums[1] += share * off;
+                sums[2] += share;
             }
+        });
+        let mut variance = [0.0; 2];
+        for (precision, sums) in kernels.precisions.iter().zip(squares) {
+            let [square, weight] = precision.variance(sums, placed.mapped.dim);
+            variance[0] += square;
+            variance[1] += weight;
         }
-        (variance, inliers)
+        Survey { log_likelihood, variance, inliers }
     }
 
     /// One step of s^2 and c towards their most likely values.
-    pub(super) fn updated(&self, (variance, inliers): ([f64; 2], f64), mixture: &Mixture) -> Mixture {
+    pub(super) fn updated(&self, survey: &Survey, mixture: &Mixture) -> Mixture {
         let [least, most] = self.noise.map(|share| share * self.size);
-        let [square, weight] = variance;
+        let [square, weight] = survey.variance;
         let variance = if weight > 0.0 { square / weight } else { mixture.sigma * mixture.sigma };
         let sigma = variance.max(0.1 * mixture.sigma * mixture.sigma).sqrt().clamp(least, most);
-        Mixture { kernel: mixture.kernel, sigma, clutter: self.clutter(inliers) }
+        Mixture { kernel: mixture.kernel, sigma, clutter: self.clutter(survey.inliers) }
     }
 }

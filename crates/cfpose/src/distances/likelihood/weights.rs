@@ -48,12 +48,9 @@ impl PointsLikelihood<'_> {
     /// Return how much of the target each source point explains, and the sum.
     pub(super) fn masses(&self, placed: &Placed, mixture: &Mixture) -> (Vec<f64>, f64) {
         let mut mass = vec![0.0; placed.mapped.x.len()];
-        let mut shares = vec![0.0; placed.each];
-        let kernels = self.kernels(placed, mixture);
-        for j in 0..self.target.len() {
-            kernels.responsibilities(placed, j, &mut shares);
-            shares.iter().zip(placed.near_to(j)).for_each(|(share, k)| mass[*k as usize] += share);
-        }
+        self.explain(placed, &self.kernels(placed, mixture), |j, explained| {
+            explained.shares().zip(placed.near_to(j)).for_each(|(share, k)| mass[*k as usize] += share);
+        });
         let inliers = mass.iter().sum();
         (mass, inliers)
     }

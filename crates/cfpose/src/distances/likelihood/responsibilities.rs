@@ -1,0 +1,182 @@
+//! Which source points are responsible for the target points: a block of target points at a time, a vector of them at a step.
+
+use pulp::{Simd, WithSimd};
+
+use super::kernels::Kernels;
+use super::{Nearby, Placed, PointsLikelihood};
+
+/// Target points of a block: a multiple of the lanes of every instruction set.
+const ROWS: usize = 32;
+
+/// What the kernels say about one target point.
+pub(super) struct Explained<'a> {
+    /// ln p(q).
+    pub log: f64,
+    /// Probability of being no clutter: the sum of the shares.
+    pub inlier: f64,
+    shares: &'a [[f64; ROWS]],
+    row: usize,
+}
+
+impl Explained<'_> {
+    /// Return the probabilities of coming from each source point nearby, in the order of the list of neighbours.
+    pub fn shares(&self) -> impl Iterator<Item = f64> + '_ {
+        self.shares.iter().map(|of_all| of_all[self.row])
+    }
+}
+
+impl PointsLikelihood<'_> {
+    /// Visit the target points, in their order, with what the kernels say about each.
+    pub(super) fn explain(&self, placed: &Placed, kernels: &Kernels, mut visit: impl FnMut(usize, &Explained<'_>)) {
+        let each = placed.each;
+        let mut block = Block::new(each);
+        let lists = placed.near.lists.chunks(ROWS * each).zip(placed.distances.chunks(ROWS * each));
+        for (number, (near, distances)) in lists.enumerate() {
+            self.mover.isa().run(Fill { block: &mut block, kernels, near, distances });
+            for row in 0..near.len() / each {
+                visit(number * ROWS + row, &block.row(row));
+            }
+        }
+    }
+
+    /// Visit points of which no lists of neighbours are kept, with the source points nearby, the distances from them and what the kernels say.
+    pub(super) fn explain_others(
+        &self,
+        nearby: &mut Nearby<'_>,
+        kernels: &Kernels,
+        points: &[[f64; 3]],
+        mut visit: impl FnMut(&[f64; 3], &[u32], &[[f64; 2]], &Explained<'_>),
+    ) {
+        let each = nearby.placed.each;
+        let mut block = Block::new(each);
+        for points in points.chunks(ROWS) {
+            let (near, distances) = nearby.of(points);
+            self.mover.isa().run(Fill { block: &mut block, kernels, near, distances });
+            let lists = near.chunks_exact(each).zip(distances.chunks_exact(each));
+            for (row, (q, (near, distances))) in points.iter().zip(lists).enumerate() {
+                visit(q, near, distances, &block.row(row));
+            }
+        }
+    }
+}
+
+/// Responsibilities of a block of target points; what belongs to one source neighbour of all of them stands together.
+struct Block {
+    each: usize,
+    /// Logarithms of the parts of p(q), then shares: of neighbour i and target point r at [i][r].
+    shares: Vec<[f64; ROWS]>,
+    logs: [f64; ROWS],
+    inliers: [f64; ROWS],
+}
+
+impl Block {
+    /// Make room for target points with `each` source neighbours.
+    fn new(each: usize) -> Self {
+        Self { each, shares: vec![[0.0; ROWS]; each], logs: [0.0; ROWS], inliers: [0.0; ROWS] }
+    }
+
+    /// Return what the kernels say about one of them.
+    fn row(&self, row: usize) -> Explained<'_> {
+        Explained { log: self.logs[row], inlier: self.inliers[row], shares: &self.shares, row }
+    }
+}
+
+/// Computes the responsibilities of up to `ROWS` target points from their source neighbours and their distances from them
+/// ([`Placed::distance`]), `each` a target point. Plain loops that every instruction set has vectors for, with the same bits on all.
+struct Fill<'a> {
+    block: &'a mut Block,
+    kernels: &'a Kernels,
+    near: &'a [u32],
+    distances: &'a [[f64; 2]],
+}
+
+impl WithSimd for Fill<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _simd: S) {
+        let Self { block, kernels, near, distances } = self;
+        let Block { each, shares, logs, inliers } = block;
+        let lists = near.chunks_exact(*each).zip(distances.chunks_exact(*each));
+        for (row, (near, distances)) in lists.enumerate() {
+            for ((parts, k), distance) in shares.iter_mut().zip(near).zip(distances) {
+                parts[row] = kernels.log_part(*k as usize, *distance);
+            }
+        }
+        let clutter = kernels.log_clutter;
+        let mut largest = [clutter; ROWS];
+        for parts in &*shares {
+            for (largest, part) in largest.iter_mut().zip(parts) {
+                *largest = if *part > *largest { *part } else { *largest };
+            }
+        }
+        *inliers = [0.0; ROWS];
+        for parts in &mut *shares {
+            for ((part, largest), inlier) in parts.iter_mut().zip(&largest).zip(&mut *inliers) {
+                *part = exp_below(*part - largest);
+                *inlier += *part;
+            }
+        }
+        let mut inverse = [0.0; ROWS];
+        for row in 0..ROWS {
+            let total = inliers[row] + exp_below(clutter - largest[row]);
+            inverse[row] = total.recip();
+            inliers[row] *= inverse[row];
+            logs[row] = total;
+        }
+        for row in 0..near.len() / *each {
+            logs[row] = largest[row] + logs[row].ln();
+        }
+        for parts in shares {
+            parts.iter_mut().zip(&inverse).for_each(|(part, inverse)| *part *= inverse);
+        }
+    }
+}
+
+/// Adding and subtracting 1.5 * 2^52 rounds to the nearest integer.
+const ROUND: f64 = 6_755_399_441_055_744.0;
+/// ln 2 in two parts, the first with 21 trailing zero bits: whole multiples of it are exact.
+const LN_2: [f64; 2] = [6.931_471_803_691_238e-1, 1.908_214_929_270_587_7e-10];
+/// 1 / n! from n = 12 down to 2.
+const FACTORIALS: [f64; 11] = [
+    2.087_675_698_786_81e-9,
+    2.505_210_838_544_172e-8,
+    2.755_731_922_398_589_3e-7,
+    2.755_731_922_398_589e-6,
+    2.480_158_730_158_73e-5,
+    1.984_126_984_126_984e-4,
+    1.388_888_888_888_889e-3,
+    8.333_333_333_333_333e-3,
+    4.166_666_666_666_666_4e-2,
+    1.666_666_666_666_666_6e-1,
+    0.5,
+];
+
+/// Return e^x for x up to 0, at least e^-700: 2^n e^r with n whole and r at most ln 2 / 2 in size. No branch, no table, no fused product.
+#[inline(always)]
+fn exp_below(x: f64) -> f64 {
+    let x = if x > -700.0 { x } else { -700.0 };
+    let n = (x * std::f64::consts::LOG2_E + ROUND) - ROUND;
+    let r = (x - n * LN_2[0]) - n * LN_2[1];
+    let mut series = FACTORIALS[0];
+    for coefficient in &FACTORIALS[1..] {
+        series = series * r + coefficient;
+    }
+    // n + 1023 + 2^52 has the exponent field of 2^n in its low bits.
+    let power = f64::from_bits((n + 4_503_599_627_371_519.0).to_bits() << 52);
+    (r + r * r * series + 1.0) * power
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn exponentials_are_those_of_the_library() {
+        for k in 0..=70_000 {
+            let x = -0.01 * f64::from(k);
+            assert!((exp_below(x) / x.exp() - 1.0).abs() < 4e-16, "{x}");
+        }
+        assert!(exp_below(0.0) == 1.0 && exp_below(f64::NEG_INFINITY) > 0.0 && exp_below(-1e9) < 1e-300);
+    }
+}
