@@ -18,7 +18,7 @@ use cfpose_kernel::points::Points;
 use cfpose_optim::Interrupt;
 
 use super::neighbours::{Neighbour, Neighbours};
-use super::{Mapped, Mover};
+use super::{Mapped, Mover, regions};
 use crate::geometry::linalg::{add_outer, symmetrise};
 use crate::problem::MomentProblem;
 
@@ -66,6 +66,7 @@ pub(crate) struct PointsLikelihood<'a> {
     shape: Shape,
     /// ln of the weights of the source points, which sum to 1.
     log_weights: Vec<f64>,
+    /// In an order in which neighbours follow each other.
     pub target: Vec<[f64; 3]>,
     /// ln of the density of clutter: minus the logarithm of the volume of the target's bounding box, enlarged by .3.
     log_uniform: f64,
@@ -89,7 +90,7 @@ pub(crate) struct PointsLikelihood<'a> {
 pub(crate) struct Placed {
     pub mapped: Mapped,
     frames: Vec<Frame>,
-    /// For every target point the indices of the nearest source points.
+    /// For every target point the indices of the nearest source points, the nearest first, the farthest last.
     near: Arc<Near>,
     each: usize,
     /// Distances of these pairs along the frame's axis, and squared ones across it.
@@ -125,8 +126,16 @@ pub(crate) struct Sums {
 
 impl<'a> PointsLikelihood<'a> {
     /// Prepare `source` (as the problem's model takes it) and `target` (in the feature space); `None` for a target without extent.
-    pub fn new(problem: &'a MomentProblem, source: &Points, target: Vec<[f64; 3]>, neighbours: usize) -> Option<Self> {
+    pub fn new(
+        problem: &'a MomentProblem,
+        source: &Points,
+        mut target: Vec<[f64; 3]>,
+        neighbours: usize,
+    ) -> Option<Self> {
         let mover = Mover::new(problem, source);
+        // Neighbours follow each other: what is near one is near the next.
+        let depth = target.len().checked_ilog2().unwrap_or(0);
+        regions(&mut target, depth, &|q| *q, &mut |_| ());
         let dim = mover.dim();
         let mut log_volume = 0.0;
         let mut centre = [0.0; 3];
@@ -198,7 +207,7 @@ impl<'a> PointsLikelihood<'a> {
     /// Move the source to theta; `None` where a point is not finite.
     pub fn place(&self, theta: &[f64], derivatives: bool) -> Option<Placed> {
         let mapped = self.mover.map(theta, derivatives);
-        let near = Arc::new(self.near(&mapped)?);
+        let near = Arc::new(self.near(&mapped, None)?);
         let frames = self.shape.frames(&mapped);
         Some(self.place_with(mapped, frames, near))
     }
@@ -209,7 +218,7 @@ impl<'a> PointsLikelihood<'a> {
         let moved = |a: &[f64; 3], b: &[f64; 3]| (0..3).map(|d| (a[d] - b[d]).powi(2)).sum::<f64>();
         let most = (SAME_NEIGHBOURS * other.near.reach).powi(2);
         let is_near = mapped.x.iter().zip(&other.near.x).all(|(a, b)| moved(a, b) <= most);
-        let near = if is_near { other.near.clone() } else { Arc::new(self.near(&mapped)?) };
+        let near = if is_near { other.near.clone() } else { Arc::new(self.near(&mapped, Some(&other.near))?) };
         let mut placed = self.place_with(mapped, other.frames.clone(), near);
         placed.log_weights.clone_from(&other.log_weights);
         placed.cost = other.cost;
@@ -217,17 +226,20 @@ impl<'a> PointsLikelihood<'a> {
         Some(placed)
     }
 
-    /// Find the neighbours of the target points; `None` where a source point is not finite.
-    fn near(&self, mapped: &Mapped) -> Option<Near> {
+    /// Find the neighbours of the target points, where they were `before` if that is known; `None` where a source point is not finite.
+    fn near(&self, mapped: &Mapped, before: Option<&Near>) -> Option<Near> {
         if mapped.x.iter().flatten().any(|x| !x.is_finite()) {
             return None;
         }
         let tree = Neighbours::new(mapped.x.clone(), mapped.dim);
         let each = self.neighbours.min(mapped.x.len());
-        let mut lists = Vec::with_capacity(each * self.target.len());
+        let mut lists: Vec<u32> = Vec::with_capacity(each * self.target.len());
         let mut reaches = Vec::with_capacity(self.target.len());
-        for q in &self.target {
-            let found = tree.nearest_n(q, each);
+        let mut found = Vec::new();
+        for (j, q) in self.target.iter().enumerate() {
+            let beside = &lists[lists.len().saturating_sub(each)..];
+            let here = before.map_or(beside, |near| &near.lists[j * each..(j + 1) * each]);
+            tree.nearest_n_beside(q, each, &[beside, here], &mut found);
             reaches.push(found.last().map_or(0.0, |last| last.squared));
             lists.extend(found.iter().map(|found| found.index as u32));
         }
@@ -389,6 +401,8 @@ impl<'a> PointsLikelihood<'a> {
 struct Nearby<'a> {
     placed: &'a Placed,
     tree: Neighbours,
+    /// Of the last point.
+    found: Vec<Neighbour>,
     near: Vec<u32>,
     distances: Vec<[f64; 2]>,
 }
@@ -396,16 +410,17 @@ struct Nearby<'a> {
 impl<'a> Nearby<'a> {
     fn new(placed: &'a Placed) -> Self {
         let tree = Neighbours::new(placed.mapped.x.clone(), placed.mapped.dim);
-        Self { placed, tree, near: Vec::new(), distances: Vec::new() }
+        Self { placed, tree, found: Vec::new(), near: Vec::new(), distances: Vec::new() }
     }
 
     /// Return the nearest source points of each of some points, and the distances from them ([`Placed::distance`]).
     fn of(&mut self, points: &[[f64; 3]]) -> (&[u32], &[[f64; 2]]) {
-        let placed = self.placed;
+        let (placed, found) = (self.placed, &mut self.found);
         self.near.clear();
         self.distances.clear();
         for q in points {
-            let found = self.tree.nearest_n(q, placed.each);
+            let beside: Vec<u32> = found.iter().map(|found| found.index as u32).collect();
+            self.tree.nearest_n_beside(q, placed.each, &[&beside], found);
             self.near.extend(found.iter().map(|found| found.index as u32));
             self.distances.extend(found.iter().map(|found| placed.distance(q, found.index)));
         }

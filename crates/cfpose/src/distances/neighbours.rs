@@ -4,6 +4,9 @@ use std::num::NonZero;
 
 use kiddo::{ImmutableKdTree, SquaredEuclidean};
 
+/// Squared distances up to so many times those of the neighbours found last are no loose bound.
+const LOOSE: f64 = 6.0;
+
 /// A neighbour: its index (from 0) and the squared distance.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Neighbour {
@@ -97,6 +100,51 @@ impl Neighbours {
         }
     }
 
+    /// Find the `count` nearest points: the nearest first, the farthest last, the others in any order. Each of `known` holds as many points
+    /// of the set, which may lie near: nothing beyond the farthest of them is looked at. That is several times faster than
+    /// [`Neighbours::nearest_n`] where they do.
+    pub fn nearest_n_beside(&self, p: &[f64; 3], count: usize, known: &[&[u32]], found: &mut Vec<Neighbour>) {
+        let count = count.min(self.rows.len());
+        let farthest = |list: &&[u32]| list.iter().map(|k| self.squared(&self.rows[*k as usize], p)).fold(0.0, f64::max);
+        let full = known.iter().filter(|list| list.len() >= count);
+        let bound = full.map(farthest).fold(f64::INFINITY, f64::min);
+        // What was found last tells how far the points reach here: a bound far beyond lets too many in.
+        let reach = found.last().map_or(0.0, |last| last.squared);
+        found.clear();
+        if bound <= LOOSE * reach {
+            self.within(p, bound * (1.0 + 1e-9), found);
+        }
+        if found.len() < count {
+            *found = self.nearest_n(p, count);
+        } else if count > 0 {
+            let by_distance =
+                |a: &Neighbour, b: &Neighbour| a.squared.total_cmp(&b.squared).then(a.index.cmp(&b.index));
+            found.select_nth_unstable_by(count - 1, by_distance);
+            found.truncate(count);
+            let nearest = (0..count - 1).min_by(|a, b| by_distance(&found[*a], &found[*b])).unwrap_or(0);
+            found.swap(0, nearest);
+        }
+    }
+
+    /// Add the points within a squared distance, in any order.
+    fn within(&self, p: &[f64; 3], squared: f64, found: &mut Vec<Neighbour>) {
+        match &self.tree {
+            Tree::Plane(tree) => {
+                let near = tree.query(&[p[0], p[1]]).within::<SquaredEuclidean<f64>>(squared).unsorted().execute();
+                found.extend(near.into_iter().map(|n| Neighbour { index: n.item as usize, squared: n.distance }));
+            }
+            Tree::Space(tree) => {
+                let near = tree.query(p).within::<SquaredEuclidean<f64>>(squared).unsorted().execute();
+                found.extend(near.into_iter().map(|n| Neighbour { index: n.item as usize, squared: n.distance }));
+            }
+            Tree::Scan => {
+                let all = self.rows.iter().enumerate();
+                let all = all.map(|(index, row)| Neighbour { index, squared: self.squared(row, p) });
+                found.extend(all.filter(|near| near.squared <= squared));
+            }
+        }
+    }
+
     /// Return the median distance of a point to its nearest other point; of many points 500 are asked.
     pub fn spacing(&self) -> f64 {
         let all = self.nearest_distances();
@@ -140,6 +188,18 @@ mod tests {
                 let (a, b) = (tree.nearest_n(q, 7), scan.nearest_n(q, 7));
                 let indices = |found: &[Neighbour]| found.iter().map(|n| n.index).collect::<Vec<_>>();
                 assert_eq!(indices(&a), indices(&b));
+            }
+            // Beside the neighbours of other points: the same ones, the nearest first, the farthest last.
+            let (mut found, mut before) = (tree.nearest_n(&queries[0], 7), Vec::new());
+            for q in &queries {
+                tree.nearest_n_beside(q, 7, &[&[3; 2], &before], &mut found);
+                before = found.iter().map(|n| n.index as u32).collect();
+                let mut expected: Vec<usize> = scan.nearest_n(q, 7).iter().map(|n| n.index).collect();
+                let mut indices: Vec<usize> = found.iter().map(|n| n.index).collect();
+                assert_eq!((indices[0], indices[6]), (expected[0], expected[6]));
+                indices.sort_unstable();
+                expected.sort_unstable();
+                assert_eq!(indices, expected);
             }
         }
     }
