@@ -105,7 +105,8 @@ impl Neighbours {
     /// [`Neighbours::nearest_n`] where they do.
     pub fn nearest_n_beside(&self, p: &[f64; 3], count: usize, known: &[&[u32]], found: &mut Vec<Neighbour>) {
         let count = count.min(self.rows.len());
-        let farthest = |list: &&[u32]| list.iter().map(|k| self.squared(&self.rows[*k as usize], p)).fold(0.0, f64::max);
+        let farthest =
+            |list: &&[u32]| list.iter().map(|k| self.squared(&self.rows[*k as usize], p)).fold(0.0, f64::max);
         let full = known.iter().filter(|list| list.len() >= count);
         let bound = full.map(farthest).fold(f64::INFINITY, f64::min);
         // What was found last tells how far the points reach here: a bound far beyond lets too many in.

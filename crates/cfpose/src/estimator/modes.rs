@@ -19,6 +19,8 @@ pub(super) const ONE_MODE: f64 = 0.1;
 const AT_A_TIME: usize = 4;
 /// So many equal modes are those of a symmetry, even if some that it implies lead nowhere.
 const SYMMETRY: usize = 6;
+/// So often may all of a few lead nowhere then.
+const FRUITLESS: usize = 3;
 /// Least noise while starts are sorted: without it the first theta that is polished leaves equal ones far behind.
 const COARSE_NOISE: f64 = 0.005;
 /// Points of each side that starts are proposed for.
@@ -102,7 +104,7 @@ impl Search<'_> {
         let source_points = self.compared_points(&roughly)?;
         let Some(fine) = self.comparison(source_points)? else { return Ok(None) };
         let Some(modes) = self.modes_among(&fine, roughly, given)? else { return Ok(None) };
-        let modes = Modes { source_points, ..modes };
+        let modes = self.implied_by(&fine, Modes { source_points, ..modes })?;
         let first = &modes.all[0].fit;
         if !self.is_misfit(&fine, first) {
             return Ok(Some(modes));
@@ -144,10 +146,21 @@ impl Search<'_> {
             }
         }
         fits.iter_mut().for_each(|fit| self.add_prior(fit));
-        let mut all = self.completed(fine, self.distinct(fine, fits));
-        self.add_others(fine, &mut all)?;
+        let all = self.distinct(fine, fits);
         let gain = all.first().map_or(0.0, |mode| mode.fit.log_likelihood - fine.chance());
         Ok((!all.is_empty()).then_some(Modes { all, gain, most_noise: None, source_points: 0 }))
+    }
+
+    /// Add what the modes imply: those of the symmetries of the source, and those of the rest of the target while there is one answer, or
+    /// none that can be believed.
+    pub(super) fn implied_by(&self, fine: &PointsLikelihood<'_>, modes: Modes) -> Result<Modes, Error> {
+        let mut all = self.completed(fine, modes.all);
+        let has_equal = all[1..].iter().any(|mode| mode.behind.is_equal(&self.parts.criteria));
+        if !has_equal || self.is_misfit(fine, &all[0].fit) {
+            self.add_others(fine, &mut all)?;
+        }
+        let gain = all[0].fit.log_likelihood - fine.chance();
+        Ok(Modes { all, gain, ..modes })
     }
 
     pub(super) fn add_prior(&self, fit: &mut Fit) {
@@ -182,11 +195,11 @@ impl Search<'_> {
     }
 
     /// Add the modes that the symmetries of the source make of the equal ones, a few at a time, until there are no new ones or enough.
-    /// A few that all lead nowhere say that the equal modes are no symmetry, unless there are many.
+    /// A few that all lead nowhere say that the equal modes are no symmetry; where there are many, that has to happen again and again.
     fn completed(&self, fine: &PointsLikelihood<'_>, mut all: Vec<Mode>) -> Vec<Mode> {
         let most = self.parts.criteria.polished[1];
         let equal = |all: &[Mode]| all.iter().filter(|mode| mode.behind.is_equal(&self.parts.criteria)).count();
-        let mut tried: Vec<Vec<f64>> = Vec::new();
+        let (mut tried, mut fruitless): (Vec<Vec<f64>>, usize) = (Vec::new(), 0);
         loop {
             let before = equal(&all);
             let proposed = self.symmetric(&all, &tried, AT_A_TIME.min(most.saturating_sub(tried.len())));
@@ -202,7 +215,8 @@ impl Search<'_> {
                     self.insert(fine, fit, &mut all);
                 }
             }
-            if equal(&all) <= before && before < SYMMETRY {
+            fruitless = if equal(&all) > before { 0 } else { fruitless + 1 };
+            if fruitless >= if before < SYMMETRY { 1 } else { FRUITLESS } {
                 return all;
             }
         }

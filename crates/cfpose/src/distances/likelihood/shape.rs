@@ -74,12 +74,20 @@ impl Shape {
 
     /// Return the normal at a mapped point: the axis along which the shape is much thinner than across it; `None` where there is none.
     pub fn normal(&self, k: usize, mapped: &Mapped) -> Option<[f64; 3]> {
-        let frame = self.frame(k, mapped, 1.0);
+        let frame = self.straight(k, mapped, 1.0);
         (frame.along < 0.5 * frame.across).then_some(frame.axis)
     }
 
     /// Fit the frame of a point whose tangential variance is `square`.
     fn frame(&self, k: usize, mapped: &Mapped, square: f64) -> Frame {
+        let frame = self.straight(k, mapped, square);
+        // A curve in space bends in any direction across it, a line of numbers in none.
+        let has_bend = mapped.dim > 1 && frame.across > 0.5 * square;
+        Frame { bend: if has_bend { self.bend(k, mapped, &frame, square) } else { 0.0 }, ..frame }
+    }
+
+    /// Fit the frame without its bend.
+    fn straight(&self, k: usize, mapped: &Mapped, square: f64) -> Frame {
         let list = self.list(k);
         let mut mean = [0.0; 3];
         list.iter().for_each(|i| (0..3).for_each(|d| mean[d] += mapped.x[*i as usize][d] / list.len() as f64));
@@ -92,11 +100,9 @@ impl Shape {
             2 => {
                 let (half, difference) = (0.5 * (c[0][0] + c[1][1]), 0.5 * (c[0][0] - c[1][1]));
                 let radius = difference.hypot(c[0][1]);
-                // The axis of largest spread lies at half the angle of (difference, c_01).
-                let (sin, cos) = (0.5 * c[0][1].atan2(difference)).sin_cos();
                 let along = square * tangential((half - radius).max(0.0), half + radius);
-                let axis = [-sin, cos, 0.0];
-                Frame { axis, along, across: square, bend: self.bend(k, mapped, &axis, square, along) }
+                let axis = across_half_angle(difference, c[0][1], radius);
+                Frame { axis, along, across: square, bend: 0.0 }
             }
             3 => {
                 let (values, axis) = least_axis3(&c);
@@ -107,7 +113,7 @@ impl Shape {
                     return Frame { axis, along: square, across: square * thin, bend: 0.0 };
                 }
                 let along = square * tangential(values[2].max(0.0), values[1]);
-                Frame { axis, along, across: square, bend: self.bend(k, mapped, &axis, square, along) }
+                Frame { axis, along, across: square, bend: 0.0 }
             }
             _ => Frame { axis: [1.0, 0.0, 0.0], along: square, across: square, bend: 0.0 },
         }
@@ -119,7 +125,8 @@ impl Shape {
     ///
     /// The axis is the normal at the middle c of the neighbours, so the heights over the point's own tangent, -kappa r^2 / 2, are seen as
     /// -kappa r^2 / 2 + kappa c.r; their sum is -kappa / 2 (sum r^2 - 2 c.sum r).
-    fn bend(&self, k: usize, mapped: &Mapped, axis: &[f64; 3], square: f64, along: f64) -> f64 {
+    fn bend(&self, k: usize, mapped: &Mapped, frame: &Frame, square: f64) -> f64 {
+        let axis = &frame.axis;
         let (mut height, mut squares, mut sum) = (0.0, 0.0, [0.0; 3]);
         for i in self.list(k) {
             let v: [f64; 3] = std::array::from_fn(|d| mapped.x[*i as usize][d] - mapped.x[k][d]);
@@ -134,7 +141,7 @@ impl Shape {
         if lever <= 0.0 {
             return 0.0;
         }
-        (1.0 - along / square) * height / lever * square * (mapped.dim as f64 - 1.0)
+        (1.0 - frame.along / square) * height / lever * square * (mapped.dim as f64 - 1.0)
     }
 
     /// Say around which points the target has less than `share` of its even mass: `even` times the weight. Summed over neighbours of
@@ -170,6 +177,18 @@ fn tangential(small: f64, large: f64) -> f64 {
         return 1.0;
     }
     (((small / large).sqrt() - NORMAL[0]) / (NORMAL[1] - NORMAL[0])).clamp(0.0, 1.0)
+}
+
+/// Return the axis of least spread in the plane, across the one that lies at half the angle of (difference, mixed), whose length is `radius`.
+fn across_half_angle(difference: f64, mixed: f64, radius: f64) -> [f64; 3] {
+    if radius <= 0.0 {
+        return [0.0, 1.0, 0.0];
+    }
+    // The larger of cosine and sine by its square, the other by their product: no digits are lost.
+    let larger = (0.5 * (1.0 + difference.abs() / radius)).sqrt();
+    let other = 0.5 * mixed / (radius * larger);
+    let (cos, sin) = if difference >= 0.0 { (larger, other) } else { (other.abs(), larger.copysign(mixed)) };
+    [-sin, cos, 0.0]
 }
 
 /// Return the axis of largest spread of a neighbourhood whose other spreads are about `second`: the largest column of C - second I.
