@@ -2,7 +2,7 @@
 //! (docs/method.md, *The likelihood of the points*).
 
 use super::Watch;
-use super::candidate::{Candidate, PointFit};
+use super::candidate::{By, Candidate, PointFit};
 use super::modes::{Mode, Modes, ONE_MODE};
 use super::search::Search;
 use crate::criteria::Criteria;
@@ -76,7 +76,11 @@ impl Search<'_> {
                 evidence
             }
         };
-        candidate.support = Some(self.last().support(&candidate.theta)?);
+        // What was found on a part of the target, or at another theta, does not hold for all at this one.
+        let is_weighed = self.pipeline.support && candidate.outcome.usable() && candidate.clutter.is_none();
+        if !is_weighed || candidate.by == By::Points {
+            candidate.support = Some(self.last().support(&candidate.theta)?);
+        }
         let is_other = |mode: &&Mode| self.apart(&mode.fit.theta, &candidate.theta) > ONE_MODE;
         candidate.modes = modes.all.iter().filter(is_other).cloned().collect();
         let fine = self.comparison(modes.source_points)?;
@@ -198,8 +202,7 @@ impl Search<'_> {
             if let Some(known) = found.iter().find(is_here) {
                 return Ok(Some(known.clone()));
             }
-            let first = self.first_on_final_model();
-            return self.on_part(self.stages.data.clone(), first, &fit.theta, watch);
+            return self.climb_from(self.first_on_final_model(), &fit.theta, watch);
         };
         let share = 1.0 - rows.len() as f64 / self.stages.data.target.len() as f64;
         let data = self.stages.data.keep(None, Some(&rows))?;

@@ -3,7 +3,7 @@
 use super::Watch;
 use super::candidate::Candidate;
 use super::pipeline::{Outliers, Pipeline};
-use super::search::{Search, ranked};
+use super::search::{Search, Stages, ranked};
 use crate::criteria::Criteria;
 use crate::error::Error;
 
@@ -58,31 +58,69 @@ impl Search<'_> {
     /// [`Error`] for misuse of a solver, a start strategy that does not apply, points mapped to infinity.
     pub fn run(&mut self, given: &[Vec<f64>], watch: &mut Watch<'_>) -> Result<Found, Error> {
         let mut found = Found::default();
-        for step in plan(self.pipeline, given, &self.parts.criteria) {
-            self.take(step, &mut found, watch)?;
-            let is_accepted = found.best.as_ref().is_some_and(|best| best.accepted);
-            if self.interrupt.is_raised() {
-                return Ok(found);
-            }
-            if is_accepted {
-                break;
+        if let Some(all) = self.explored(given, watch)? {
+            found.best = self.by_points(&all, given, watch)?;
+            if found.best.is_none() && self.interrupt.is_raised() {
+                // On all points nothing was solved: the best on a part is the best there is.
+                let best = all.first().map(|best| self.last().unsolved(&best.theta, self.parts));
+                found.best = best.map(|best| best.on(&self.stages.data));
             }
         }
-        if self.pipeline.points.is_some() && !self.last().model().target.is_moving() {
-            self.by_points(&mut found, given, watch)?;
+        if found.best.is_none() && !self.interrupt.is_raised() {
+            self.climb_by_plan(given, &mut found, watch)?;
+            if self.has_points() && !self.interrupt.is_raised() {
+                let best = self.by_points(&found.all, given, watch)?;
+                found.best = best.or(found.best);
+            }
         }
         found.finished = !self.interrupt.is_raised();
         Ok(found)
     }
 
-    /// Let the likelihood of the points choose.
-    fn by_points(&mut self, found: &mut Found, given: &[Vec<f64>], watch: &mut Watch<'_>) -> Result<(), Error> {
-        let Some(modes) = self.modes(&found.all, given)? else { return Ok(()) };
-        let settled = self.settle(&modes, &found.all, given, watch)?;
-        if let Some(candidate) = settled.filter(|_| !self.interrupt.is_raised()) {
-            found.best = Some(candidate);
+    /// Say whether the likelihood of the points has the last word.
+    fn has_points(&self) -> bool {
+        self.pipeline.points.is_some() && !self.last().model().target.is_moving()
+    }
+
+    fn climb_by_plan(&mut self, given: &[Vec<f64>], found: &mut Found, watch: &mut Watch<'_>) -> Result<(), Error> {
+        for step in plan(self.pipeline, given, &self.parts.criteria) {
+            self.take(step, found, watch)?;
+            if self.interrupt.is_raised() || found.best.as_ref().is_some_and(|best| best.accepted) {
+                break;
+            }
         }
         Ok(())
+    }
+
+    /// Climb on a part of many points, where the points have the last word and the means only have to lead somewhere; `None` where there
+    /// are not so many.
+    fn explored(&mut self, given: &[Vec<f64>], watch: &mut Watch<'_>) -> Result<Option<Vec<Candidate>>, Error> {
+        let most = self.parts.criteria.explored;
+        let data = &self.stages.data;
+        if !self.has_points() || most == 0 || data.source.len().max(data.target.len()) <= 2 * most {
+            return Ok(None);
+        }
+        let stages = Stages::new(self.parts, data.thinned(most, self.parts.settings.seed)?, self.pipeline, 0)?;
+        let mut search = Search::new(self.parts, self.pipeline, &stages, self.interrupt);
+        let mut found = Found::default();
+        search.climb_by_plan(given, &mut found, watch)?;
+        self.absorb(0, &search);
+        self.starts += search.starts;
+        // What statistics say of a part they do not say of all.
+        found.all.iter_mut().for_each(|candidate| candidate.accepted = false);
+        Ok(Some(found.all))
+    }
+
+    /// Let the likelihood of the points choose.
+    fn by_points(
+        &mut self,
+        all: &[Candidate],
+        given: &[Vec<f64>],
+        watch: &mut Watch<'_>,
+    ) -> Result<Option<Candidate>, Error> {
+        let Some(modes) = self.modes(all, given)? else { return Ok(None) };
+        let settled = self.settle(&modes, all, given, watch)?;
+        Ok(settled.filter(|_| !self.interrupt.is_raised()))
     }
 
     fn take(&mut self, step: Step, found: &mut Found, watch: &mut Watch<'_>) -> Result<(), Error> {

@@ -111,7 +111,12 @@ impl<'a> Search<'a> {
         self.climb_from(0, theta, watch)
     }
 
-    fn climb_from(&mut self, first: usize, theta: &[f64], watch: &mut Watch<'_>) -> Result<Option<Candidate>, Error> {
+    pub fn climb_from(
+        &mut self,
+        first: usize,
+        theta: &[f64],
+        watch: &mut Watch<'_>,
+    ) -> Result<Option<Candidate>, Error> {
         let (mut theta, mut last) = (theta.to_vec(), None);
         let count = self.stages.ready.len();
         for index in first..count {

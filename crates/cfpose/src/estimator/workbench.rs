@@ -39,6 +39,19 @@ impl Data {
         self.keep(rest(&self.source).as_deref(), rest(&self.target).as_deref())
     }
 
+    /// Keep a random choice of at most `most` points of each side.
+    pub fn thinned(&self, most: usize, seed: u64) -> Result<Self, Error> {
+        let mut rng = stream(seed, "explored");
+        let mut choose = |side, points: &Arc<Points>| -> Result<Arc<Points>, Error> {
+            if points.len() <= most {
+                return Ok(Arc::clone(points));
+            }
+            thin(points, most, &mut rng).map(Arc::new).map_err(of_side(side))
+        };
+        let (source, target) = (choose(Side::Source, &self.source)?, choose(Side::Target, &self.target)?);
+        Ok(Self::whole(source, target))
+    }
+
     /// Keep some rows (indices into what is left), `None` for all of a side.
     pub fn keep(&self, source: Option<&[usize]>, target: Option<&[usize]>) -> Result<Self, Error> {
         let mut kept = self.clone();
