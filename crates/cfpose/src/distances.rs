@@ -119,6 +119,13 @@ impl<'a> Mover<'a> {
         mapped
     }
 
+    /// Return the root mean square distance of the points at one theta from those at another.
+    pub fn apart(&self, a: &[f64], b: &[f64]) -> f64 {
+        let (a, b) = (self.map(a, false), self.map(b, false));
+        let squared = |(a, b): (&[f64; 3], &[f64; 3])| (0..3).map(|d| (a[d] - b[d]).powi(2)).sum::<f64>();
+        (a.x.iter().zip(&b.x).map(squared).sum::<f64>() / a.x.len() as f64).sqrt()
+    }
+
     /// Move theta by a step of the model's tangent coordinates.
     pub fn retract(&self, theta: &[f64], step: &[f64]) -> Vec<f64> {
         let mut full = step.to_vec();

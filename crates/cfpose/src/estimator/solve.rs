@@ -18,6 +18,9 @@ use crate::statistics::{self, Statistics};
 /// Source points, at most, that a fit is aligned on before its sampling is asked.
 const NEAR_SOURCE: usize = 5000;
 
+/// How far, in spacings, the alignment moves a fit at least for its distances to be asked again.
+const STILL: f64 = 0.1;
+
 /// Runs the solver of a stage under the stopping rules of the settings, and counts.
 pub(super) struct Runner<'a, 'b> {
     pub parts: &'a Parts,
@@ -220,10 +223,10 @@ impl ReadyStage {
         let rows: Vec<usize> =
             (0..self.all_source.len()).step_by(self.all_source.len().div_ceil(NEAR_SOURCE)).collect();
         let part = self.all_source.select(&rows).map_err(of_side(Side::Source))?;
-        let near = PointsLikelihood::new(&self.problem, &part, some, 4);
-        match near.and_then(|near| near.align(theta, &[0.05, 0.02, 0.01], 2)) {
-            Some((_, theta)) => self.support(&theta),
-            None => Ok(support),
+        let Some(near) = PointsLikelihood::new(&self.problem, &part, some, 4) else { return Ok(support) };
+        match near.align(theta, &[0.05, 0.02, 0.01], 2) {
+            Some((_, moved)) if near.mover.apart(theta, &moved) > STILL * support.source_spacing => self.support(&moved),
+            _ => Ok(support),
         }
     }
 }
