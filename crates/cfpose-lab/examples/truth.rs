@@ -11,7 +11,7 @@ use cfpose::entry::find;
 use cfpose::{Estimator, Execution, Registry, Supervision};
 use cfpose_lab::calibration::estimate_mahalanobis;
 use cfpose_lab::method::Method;
-use cfpose_lab::{Determined, Scenario, nearest_truth, scenarios, seed};
+use cfpose_lab::{Determined, Scenario, Score, nearest_score, nearest_truth, scenarios, seed};
 use cfpose_optim::Manifold;
 
 /// What came out of one trial.
@@ -65,10 +65,12 @@ fn run(
         }
     };
     let layout = &estimator.model().layout;
-    let found = nearest_truth(scenario, layout, &estimate.theta, &trial);
-    let error = found.map_or(f64::INFINITY, |(error, _)| error.total());
+    let found = nearest_score(scenario, layout, &estimate.theta, &trial);
+    let error = |score: &Score| score.pose.map(|pose| pose.total()).or(score.values.last().copied());
+    let error = found.as_ref().and_then(|(score, _)| error(score)).unwrap_or(f64::INFINITY);
     let possible = trial.determined != Determined::Nothing;
-    let right = possible && estimate.usable() && found.is_some_and(|(error, _)| trial.success.holds(&error));
+    let right =
+        possible && estimate.usable() && found.as_ref().is_some_and(|(score, _)| scenario.succeeds(score, &trial));
     let verdict = estimate.verdict.map_or("none", |verdict| verdict.name()).to_string();
     let squared = found.and_then(|(_, truth)| {
         Some((estimate_mahalanobis(&estimator, &estimate, truth)?, layout.manifold().tangent()))
@@ -103,7 +105,7 @@ fn listed(
     let found = |truth: &Vec<f64>| {
         let only = cfpose_lab::Trial { truth: truth.clone(), equally_true: Vec::new(), ..trial.clone() };
         let is_near = |theta: &Vec<f64>| {
-            nearest_truth(scenario, layout, theta, &only).is_some_and(|(error, _)| trial.success.holds(&error))
+            nearest_score(scenario, layout, theta, &only).is_some_and(|(score, _)| scenario.succeeds(&score, &only))
         };
         thetas().any(is_near)
     };

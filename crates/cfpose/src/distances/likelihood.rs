@@ -34,6 +34,7 @@ mod shape;
 mod weights;
 
 pub(crate) use fit::Fit;
+use kernels::Kernels;
 use shape::{Frame, Shape};
 
 /// What a kernel on a source point stands for.
@@ -99,7 +100,7 @@ pub(crate) struct Placed {
     log_weights: Vec<f64>,
     /// What the choice of weights costs, in nats, and what the target points that are left out had: both stay while theta moves.
     cost: f64,
-    /// Target points that take no part in theta and noise ([`PointsLikelihood::beside_edges`]); empty: none.
+    /// Target points that take no part in theta and noise ([`PointsLikelihood::leave_out`]); empty: none.
     left_out: Vec<bool>,
 }
 
@@ -172,7 +173,7 @@ impl<'a> PointsLikelihood<'a> {
         })
     }
 
-    /// Let target points beside edges be found ([`PointsLikelihood::beside_edges`]) among more of the target than is compared, while the
+    /// Let target points beside edges be found ([`PointsLikelihood::leave_out`]) among more of the target than is compared, while the
     /// noise reaches over at most `widest` sizes of the target.
     pub fn within(self, surroundings: &'a Neighbours, widest: f64) -> Self {
         Self { surroundings: Some((surroundings, widest)), ..self }
@@ -287,8 +288,8 @@ impl<'a> PointsLikelihood<'a> {
         let mut placed = self.place(theta, true)?;
         let sigma = mixture.sigma.hypot(1.5 * placed.tangential_variance().sqrt());
         let smooth = Mixture { kernel: Kernel::Shape, sigma, ..*mixture };
-        self.reweigh(&mut placed, &smooth);
-        let sums = self.sums(&placed, &smooth);
+        let kernels = self.reweigh(&mut placed, &smooth);
+        let sums = self.sums(&placed, &kernels);
         Some(sums.complete.iter().zip(&sums.lost).map(|(complete, lost)| complete - lost).collect())
     }
 
@@ -304,7 +305,7 @@ impl<'a> PointsLikelihood<'a> {
     }
 
     /// Compute the likelihood and, where the placement has derivatives, its slope and information.
-    pub fn sums(&self, placed: &Placed, mixture: &Mixture) -> Sums {
+    fn sums(&self, placed: &Placed, kernels: &Kernels) -> Sums {
         let (dim, n) = (placed.mapped.dim, placed.mapped.tangent);
         let mut sums = Sums {
             log_likelihood: -placed.cost,
@@ -315,8 +316,7 @@ impl<'a> PointsLikelihood<'a> {
         };
         let (mut pull, mut total) = (vec![0.0; n], vec![0.0; n]);
         let (mut mass, mut nearest) = (vec![0.0; placed.mapped.x.len()], vec![0.0; placed.mapped.x.len()]);
-        let kernels = self.kernels(placed, mixture);
-        self.explain(placed, &kernels, |j, explained| {
+        self.explain(placed, kernels, |j, explained| {
             if placed.is_left_out(j) {
                 return;
             }
@@ -359,31 +359,29 @@ impl<'a> PointsLikelihood<'a> {
     }
 
     /// Return the log likelihood alone.
-    pub fn log_likelihood(&self, placed: &Placed, mixture: &Mixture) -> f64 {
+    fn log_likelihood(&self, placed: &Placed, kernels: &Kernels) -> f64 {
         let mut sum = -placed.cost;
-        self.explain(placed, &self.kernels(placed, mixture), |j, explained| {
+        self.explain(placed, kernels, |j, explained| {
             sum += if placed.is_left_out(j) { 0.0 } else { explained.log };
         });
         sum
     }
 
     /// Return for every target point ln p and the probability that it is no clutter.
-    fn explained(&self, placed: &Placed, mixture: &Mixture) -> Vec<[f64; 2]> {
+    fn explained(&self, placed: &Placed, kernels: &Kernels) -> Vec<[f64; 2]> {
         let mut each = Vec::with_capacity(self.target.len());
-        self.explain(placed, &self.kernels(placed, mixture), |_, explained| {
-            each.push([explained.log, explained.inlier]);
-        });
+        self.explain(placed, kernels, |_, explained| each.push([explained.log, explained.inlier]));
         each
     }
 
     /// Return ln p of every target point.
     pub fn log_each(&self, placed: &Placed, mixture: &Mixture) -> Vec<f64> {
-        self.explained(placed, mixture).into_iter().map(|[log, _]| log).collect()
+        self.explained(placed, &self.kernels(placed, mixture)).into_iter().map(|[log, _]| log).collect()
     }
 
     /// Return for every target point the probability that it is no clutter.
     pub fn responsibilities(&self, placed: &Placed, mixture: &Mixture) -> Vec<f64> {
-        self.explained(placed, mixture).into_iter().map(|[_, inlier]| inlier).collect()
+        self.explained(placed, &self.kernels(placed, mixture)).into_iter().map(|[_, inlier]| inlier).collect()
     }
 
     /// Return for every one of other points of the target, so many that no lists of neighbours are kept, the probability that it is no

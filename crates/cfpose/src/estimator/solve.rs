@@ -225,7 +225,9 @@ impl ReadyStage {
         let part = self.all_source.select(&rows).map_err(of_side(Side::Source))?;
         let Some(near) = PointsLikelihood::new(&self.problem, &part, some, 4) else { return Ok(support) };
         match near.align(theta, &[0.05, 0.02, 0.01], 2) {
-            Some((_, moved)) if near.mover.apart(theta, &moved) > STILL * support.source_spacing => self.support(&moved),
+            Some((_, moved)) if near.mover.apart(theta, &moved) > STILL * support.source_spacing => {
+                self.support(&moved)
+            }
             _ => Ok(support),
         }
     }

@@ -19,7 +19,7 @@ impl PointsLikelihood<'_> {
     /// of the pairs, which both sums hold, subtracted.
     pub fn covariance(&self, placed: &Placed, mixture: &Mixture) -> Option<Vec<f64>> {
         let n = placed.mapped.tangent;
-        let sums = self.sums(placed, mixture);
+        let sums = self.sums(placed, &self.kernels(placed, mixture));
         let observed: Vec<f64> = sums.complete.iter().zip(&sums.lost).map(|(c, l)| c - l).collect();
         let inverse = invert(n, &observed)?;
         let meat = self.meat(placed, mixture);

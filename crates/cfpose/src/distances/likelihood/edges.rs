@@ -1,5 +1,6 @@
 //! Where one side ends and the other goes on: target points there are left out of what theta is fitted to.
 
+use super::kernels::Kernels;
 use super::{Frame, Mixture, Placed, PointsLikelihood};
 use crate::distances::neighbours::{Neighbour, Neighbours};
 
@@ -18,31 +19,44 @@ const MISSING: f64 = 0.03;
 const MOST: f64 = 0.4;
 
 impl PointsLikelihood<'_> {
-    /// Return the target points around which one side ends and the other goes on; empty where there are none.
+    /// Leave the target points out around which one side ends and the other goes on: they take no part in theta and noise, and what they
+    /// had of the log likelihood stays as it is.
     ///
     /// In the middle of a shape the source points that may explain a target point lie on both sides of it, and what its noise moves it
     /// along the shape cancels. Where the source ends and the target goes on, they lie on one side: the points behind the end pull it
     /// towards them, by a deviation of the noise each. Leaving out all target points up to where both sides go on again takes nothing
     /// from the others: a choice by where a target point lies does not depend on which source point it comes from.
-    pub(super) fn beside_edges(&self, placed: &Placed, mixture: &Mixture, hidden: f64) -> Vec<bool> {
-        let Some((all, widest)) = self.surroundings.as_ref().filter(|_| mixture.clutter.max(hidden) > MISSING) else {
-            return Vec::new();
-        };
+    pub(super) fn leave_out(&self, placed: &mut Placed, kernels: &Kernels, hidden: f64) {
+        let Some(out) = self.beside_edges(placed, &kernels.mixture, hidden) else { return };
+        let each = self.explained(placed, kernels);
+        let (mut lost, mut inliers, mut value) = (0.0, 0.0, 0.0);
+        for ([log, inlier], out) in each.iter().zip(&out) {
+            inliers += inlier;
+            if *out {
+                lost += inlier;
+                value += log;
+            }
+        }
+        if lost > 0.0 && lost < MOST * inliers {
+            placed.cost -= value;
+            placed.left_out = out;
+        }
+    }
+
+    /// Say which target points lie where one side ends and the other goes on; `None` where that is not asked.
+    fn beside_edges(&self, placed: &Placed, mixture: &Mixture, hidden: f64) -> Option<Vec<bool>> {
+        let (all, widest) = self.surroundings.as_ref().filter(|_| mixture.clutter.max(hidden) > MISSING)?;
+        if REACH * mixture.sigma > widest * self.size {
+            return None;
+        }
         // A filled image or a solid has no tangent along which a side ends.
         let with_tangent = placed.frames.iter().filter(|frame| tangent(frame, &[0.0; 3]).is_some()).count();
         if 2 * with_tangent < placed.frames.len() {
-            return Vec::new();
-        }
-        if REACH * mixture.sigma > widest * self.size {
-            return Vec::new();
+            return None;
         }
         let reach = REACH * (mixture.sigma * mixture.sigma + placed.tangential_variance()).sqrt();
         let near = self.around.get_or_init(|| self.target.iter().map(|q| all.nearest_n(q, LIST)).collect());
-        let out: Vec<bool> =
-            (0..self.target.len()).map(|j| self.is_beside_edge(placed, j, all, &near[j], reach)).collect();
-        let inliers = self.responsibilities(placed, mixture);
-        let lost: f64 = inliers.iter().zip(&out).filter(|(_, out)| **out).map(|(share, _)| share).sum();
-        if lost > 0.0 && lost < MOST * inliers.iter().sum::<f64>() { out } else { Vec::new() }
+        Some((0..self.target.len()).map(|j| self.is_beside_edge(placed, j, all, &near[j], reach)).collect())
     }
 
     /// Say whether the middles of the source and of the target around a target point differ along the shape.

@@ -1,5 +1,6 @@
 //! Ascent of the likelihood: theta by damped Newton steps, noise and clutter by their own.
 
+use super::kernels::Kernels;
 use super::{Kernel, Mixture, Placed, PointsLikelihood, Sums, mixture};
 use crate::geometry::linalg::solve_normal;
 
@@ -76,7 +77,8 @@ impl PointsLikelihood<'_> {
     fn ascend_with(&self, theta: &[f64], mut placed: Placed, mut mixture: Mixture, ascent: &Ascent<'_>) -> Option<Fit> {
         let Ascent { max_iterations, least, nats, .. } = *ascent;
         let mut theta = theta.to_vec();
-        let mut sums = self.sums(&placed, &mixture);
+        let mut kernels = self.kernels(&placed, &mixture);
+        let mut sums = self.sums(&placed, &kernels);
         let (mut damping, mut iterations, mut converged) = (0.1, 0, false);
         // Held frames turn with the last theta they were fitted at; an answer needs those of its own.
         let mut is_final = nats > NATS[1];
@@ -86,29 +88,33 @@ impl PointsLikelihood<'_> {
                 return None;
             }
             iterations += 1;
-            let Some((next, there, gain)) = self.step(&theta, &placed, &sums, &mixture, ascent, &mut damping) else {
+            let Some((next, there, gain)) = self.step(&theta, &placed, &sums, &kernels, ascent, &mut damping) else {
                 if is_final {
                     converged = true;
                     break;
                 }
                 is_final = true;
                 self.refresh(&mut placed);
-                sums = self.sums(&placed, &mixture);
+                kernels = self.kernels(&placed, &mixture);
+                sums = self.sums(&placed, &kernels);
                 continue;
             };
             // Frames and weights follow theta while it moves by much, noise and clutter always.
             let has_moved = !placed.same_neighbours(&there);
             (theta, placed) = (next, there);
             converged = gain < nats && is_final;
-            if has_moved || gain < nats {
+            let is_refreshed = has_moved || gain < nats;
+            if is_refreshed {
                 self.refresh(&mut placed);
             }
             is_final |= gain < nats;
             if has_moved || iterations <= ALWAYS_REWEIGHED {
-                self.reweigh(&mut placed, &mixture);
+                kernels = self.reweigh(&mut placed, &mixture);
+            } else if is_refreshed {
+                kernels = self.kernels(&placed, &mixture);
             }
             let before = mixture.sigma;
-            mixture = self.updated(&self.survey(&placed, &mixture), &mixture);
+            mixture = self.updated(&self.survey(&placed, &kernels), &mixture);
             if nats <= NATS[1] {
                 mixture.sigma *= ahead(&mut drift, (mixture.sigma / before).ln());
             }
@@ -117,21 +123,22 @@ impl PointsLikelihood<'_> {
             if iterations >= GIVE_UP && stands && sums.log_likelihood + gain < least - FAR {
                 return None;
             }
-            sums = self.sums(&placed, &mixture);
+            kernels = self.kernels(&placed, &mixture);
+            sums = self.sums(&placed, &kernels);
         }
         self.refresh(&mut placed);
         let (mixture, log_likelihood) = self.mixture_from(&mut placed, &mixture);
         Some(Fit { theta, mixture, log_likelihood, iterations, converged })
     }
 
-    /// Make one step that ascends, with the frames held: (observed + damping complete) step = gradient. Returns theta, the
+    /// Make one step that ascends, with the kernels held: (observed + damping complete) step = gradient. Returns theta, the
     /// source there and the gain; `None` where no step ascends.
     fn step(
         &self,
         theta: &[f64],
         placed: &Placed,
         sums: &Sums,
-        mixture: &Mixture,
+        kernels: &Kernels,
         ascent: &Ascent<'_>,
         damping: &mut f64,
     ) -> Option<(Vec<f64>, Placed, f64)> {
@@ -154,7 +161,7 @@ impl PointsLikelihood<'_> {
             }
             let next = self.mover.retract(theta, &step);
             if let Some(there) = self.replace(&next, placed) {
-                let gain = self.log_likelihood(&there, mixture) - sums.log_likelihood;
+                let gain = self.log_likelihood(&there, kernels) - sums.log_likelihood;
                 if gain > 0.0 {
                     *damping *= 0.2;
                     return Some((next, there, gain));

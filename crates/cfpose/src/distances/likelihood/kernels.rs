@@ -11,27 +11,42 @@ impl PointsLikelihood<'_> {
         let dim = placed.mapped.dim;
         let log_inlier = (1.0 - mixture.clutter).ln() - 0.5 * dim as f64 * std::f64::consts::TAU.ln();
         let precisions: Vec<Precision> = placed.frames.iter().map(|frame| Precision::of(frame, mixture)).collect();
-        let parts = precisions.iter().zip(&placed.log_weights).map(|(precision, log_weight)| {
-            let peak = log_inlier + log_weight + 0.5 * precision.determinant(dim).ln();
+        let parts = precisions.iter().map(|precision| {
+            let peak = log_inlier + 0.5 * precision.determinant(dim).ln();
             [peak, -0.5 * precision.along, -0.5 * precision.across, precision.bend]
         });
-        Kernels { parts: parts.collect(), precisions, log_clutter: mixture.clutter.ln() + self.log_uniform }
+        let (parts, log_weights) = (parts.collect(), vec![0.0; precisions.len()]);
+        let log_clutter = mixture.clutter.ln() + self.log_uniform;
+        let mut kernels = Kernels { mixture: *mixture, parts, log_weights, precisions, log_clutter };
+        kernels.weigh(&placed.log_weights);
+        kernels
     }
 }
 
 /// The kernels of all source points at one mixture.
-pub(super) struct Kernels {
+pub(crate) struct Kernels {
+    pub(super) mixture: Mixture,
     /// ln of the peak, what multiplies the squares along and across the axis, where the middle lies on it.
     parts: Vec<[f64; 4]>,
-    pub precisions: Vec<Precision>,
+    /// ln of the weights in the peaks.
+    log_weights: Vec<f64>,
+    pub(super) precisions: Vec<Precision>,
     /// ln of the part of clutter.
-    pub log_clutter: f64,
+    pub(super) log_clutter: f64,
 }
 
 impl Kernels {
+    /// Give the source points other weights.
+    pub(super) fn weigh(&mut self, log_weights: &[f64]) {
+        for ((part, before), log_weight) in self.parts.iter_mut().zip(&mut self.log_weights).zip(log_weights) {
+            part[0] += log_weight - *before;
+            *before = *log_weight;
+        }
+    }
+
     /// Return ln((1 - c) w N(q; x + b, S)) of source point `k` at the distances of a point from it ([`Placed::distance`]).
     #[inline(always)]
-    pub fn log_part(&self, k: usize, [on, off]: [f64; 2]) -> f64 {
+    pub(super) fn log_part(&self, k: usize, [on, off]: [f64; 2]) -> f64 {
         let [peak, along, across, bend] = self.parts[k];
         peak + along * (on - bend) * (on - bend) + across * off
     }

@@ -1,5 +1,6 @@
 //! The unknowns beside theta: noise and clutter, and which kernel they are of.
 
+use super::kernels::Kernels;
 use super::{Kernel, Mixture, Placed, PointsLikelihood};
 
 /// Clutter is between these shares.
@@ -20,16 +21,16 @@ impl PointsLikelihood<'_> {
     /// then both by theirs.
     pub fn best_mixture(&self, placed: &mut Placed, kernel: Kernel, grid: usize) -> (Mixture, f64) {
         let (mixture, _) = self.likely_mixture(placed, kernel, grid);
-        self.reweigh(placed, &mixture);
-        self.settled(placed, mixture)
+        let kernels = self.reweigh(placed, &mixture);
+        self.settled(placed, kernels)
     }
 
     /// Return the mixture that is most likely at a placement, from one that is about as likely, and its log likelihood.
     pub fn mixture_from(&self, placed: &mut Placed, mixture: &Mixture) -> (Mixture, f64) {
-        self.reweigh(placed, mixture);
-        let (mixture, _) = self.settled(placed, *mixture);
-        self.reweigh(placed, &mixture);
-        self.settled(placed, mixture)
+        let kernels = self.reweigh(placed, mixture);
+        let (mixture, _) = self.settled(placed, kernels);
+        let kernels = self.reweigh(placed, &mixture);
+        self.settled(placed, kernels)
     }
 
     /// Return the kernel that is more likely at theta. Where noise hides the spacing the two are nearly the same: copies have to be
@@ -54,12 +55,12 @@ impl PointsLikelihood<'_> {
             }
         }
         let mixture = best.map_or(Mixture { kernel, sigma: bounds[1], clutter: 0.5 }, |(mixture, _)| mixture);
-        self.settled(placed, mixture)
+        self.settled(placed, self.kernels(placed, &mixture))
     }
 
     /// Take one step of c alone; return the mixture and its log likelihood.
     fn with_its_clutter(&self, placed: &Placed, mixture: &Mixture) -> (Mixture, f64) {
-        let each = self.explained(placed, mixture);
+        let each = self.explained(placed, &self.kernels(placed, mixture));
         let next = Mixture { clutter: self.clutter(each.iter().map(|[_, inlier]| inlier).sum()), ..*mixture };
         // p = inlying + outlying, each in proportion to its share of all points.
         let inlying = (1.0 - next.clutter) / (1.0 - mixture.clutter);
@@ -70,11 +71,11 @@ impl PointsLikelihood<'_> {
     }
 
     /// Lead s and c to their fixed point, while that gains.
-    fn settled(&self, placed: &Placed, mut mixture: Mixture) -> (Mixture, f64) {
-        let mut survey = self.survey(placed, &mixture);
+    fn settled(&self, placed: &Placed, kernels: Kernels) -> (Mixture, f64) {
+        let (mut mixture, mut survey) = (kernels.mixture, self.survey(placed, &kernels));
         for _ in 0..4 {
             let next = self.updated(&survey, &mixture);
-            let there = self.survey(placed, &next);
+            let there = self.survey(placed, &self.kernels(placed, &next));
             if there.log_likelihood <= survey.log_likelihood + 1e-3 {
                 break;
             }
@@ -88,11 +89,10 @@ impl PointsLikelihood<'_> {
     }
 
     /// Sum over the target what a step of s^2 and c needs.
-    pub(super) fn survey(&self, placed: &Placed, mixture: &Mixture) -> Survey {
-        let kernels = self.kernels(placed, mixture);
+    pub(super) fn survey(&self, placed: &Placed, kernels: &Kernels) -> Survey {
         let (mut log_likelihood, mut inliers) = (-placed.cost, 0.0);
         let mut squares = vec![[0.0; 3]; placed.mapped.x.len()];
-        self.explain(placed, &kernels, |j, explained| {
+        self.explain(placed, kernels, |j, explained| {
             inliers += explained.inlier;
             if placed.is_left_out(j) {
                 return;

@@ -1,5 +1,6 @@
 //! Which source points take part, and how much: the responsibilities asked from the other side.
 
+use super::kernels::Kernels;
 use super::{Mixture, Placed, PointsLikelihood};
 
 /// A neighbourhood of the source may hold so many times the target points of an even share, and so many deviations more.
@@ -16,11 +17,14 @@ const LEAST_HIDDEN: f64 = 0.03;
 impl PointsLikelihood<'_> {
     /// Weigh the source points of a placement anew: a part that no target point wants is hidden and its weight goes to the rest;
     /// a part that too many want (a blob that happens to lie on the shape) gets less.
-    pub fn reweigh(&self, placed: &mut Placed, mixture: &Mixture) {
+    ///
+    /// Returns the kernels with these weights.
+    pub fn reweigh(&self, placed: &mut Placed, mixture: &Mixture) -> Kernels {
         placed.log_weights.clone_from(&self.log_weights);
         placed.cost = 0.0;
         placed.left_out.clear();
-        let (mass, inliers) = self.masses(placed, mixture);
+        let mut kernels = self.kernels(placed, mixture);
+        let (mass, inliers) = self.masses(placed, &kernels);
         let weights: Vec<f64> = self.log_weights.iter().map(|log| log.exp()).collect();
         let hidden = self.shape.below(&mass, &weights, inliers, SEEN);
         let share: f64 = hidden.iter().zip(&weights).filter(|(hidden, _)| **hidden).map(|(_, w)| w).sum();
@@ -33,22 +37,20 @@ impl PointsLikelihood<'_> {
             }
         }
         for _ in 0..2 {
-            let (mass, inliers) = self.masses(placed, mixture);
+            kernels.weigh(&placed.log_weights);
+            let (mass, inliers) = self.masses(placed, &kernels);
             let even = inliers / if has_hidden { 1.0 - share } else { 1.0 };
             self.shape.prices(&mass, &weights, even, CAPACITY, &mut placed.log_weights);
         }
-        let left_out = self.beside_edges(placed, mixture, if has_hidden { share } else { 0.0 });
-        if !left_out.is_empty() {
-            let each = self.log_each(placed, mixture);
-            placed.cost -= each.iter().zip(&left_out).filter(|(_, out)| **out).map(|(value, _)| value).sum::<f64>();
-            placed.left_out = left_out;
-        }
+        kernels.weigh(&placed.log_weights);
+        self.leave_out(placed, &kernels, if has_hidden { share } else { 0.0 });
+        kernels
     }
 
     /// Return how much of the target each source point explains, and the sum.
-    pub(super) fn masses(&self, placed: &Placed, mixture: &Mixture) -> (Vec<f64>, f64) {
+    fn masses(&self, placed: &Placed, kernels: &Kernels) -> (Vec<f64>, f64) {
         let mut mass = vec![0.0; placed.mapped.x.len()];
-        self.explain(placed, &self.kernels(placed, mixture), |j, explained| {
+        self.explain(placed, kernels, |j, explained| {
             explained.shares().zip(placed.near_to(j)).for_each(|(share, k)| mass[*k as usize] += share);
         });
         let inliers = mass.iter().sum();
@@ -58,7 +60,7 @@ impl PointsLikelihood<'_> {
     /// Return the share of the source that the target does not explain: around it there are fewer than a quarter of the target
     /// points of an even share.
     pub fn unseen(&self, placed: &Placed, mixture: &Mixture) -> f64 {
-        let (mass, inliers) = self.masses(placed, mixture);
+        let (mass, inliers) = self.masses(placed, &self.kernels(placed, mixture));
         let weights: Vec<f64> = self.log_weights.iter().map(|log| log.exp()).collect();
         let below = self.shape.below(&mass, &weights, inliers, SEEN);
         below.iter().zip(&weights).filter(|(below, _)| **below).map(|(_, w)| w).sum()
