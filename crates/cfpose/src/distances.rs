@@ -46,6 +46,12 @@ impl Mapped {
         let at = (k * self.dim + q) * self.tangent;
         &self.dx[at..at + self.tangent]
     }
+
+    /// Return the squared displacement of point k by a step of theta, to first order.
+    pub fn displacement(&self, k: usize, step: &[f64]) -> f64 {
+        let along = |q: usize| self.slope(k, q).iter().zip(step).map(|(g, s)| g * s).sum::<f64>();
+        (0..self.dim).map(|q| along(q).powi(2)).sum()
+    }
 }
 
 /// A source set that can be moved by theta: the model of a problem, a choice of its points, its manifold.

@@ -121,8 +121,8 @@ pub(crate) struct Sums {
     pub complete: Vec<f64>,
     /// What is lost of it because that is not known: complete - lost is the observed information.
     pub lost: Vec<f64>,
-    /// Sum over the target of G'G at its nearest point: squared displacements of steps.
-    pub displacement: Vec<f64>,
+    /// Number of target points that each source point is nearest to.
+    pub nearest: Vec<f64>,
 }
 
 impl<'a> PointsLikelihood<'a> {
@@ -312,17 +312,17 @@ impl<'a> PointsLikelihood<'a> {
             gradient: vec![0.0; n],
             complete: vec![0.0; n * n],
             lost: vec![0.0; n * n],
-            displacement: vec![0.0; n * n],
+            nearest: vec![0.0; placed.mapped.x.len()],
         };
         let (mut pull, mut total) = (vec![0.0; n], vec![0.0; n]);
-        let (mut mass, mut nearest) = (vec![0.0; placed.mapped.x.len()], vec![0.0; placed.mapped.x.len()]);
+        let mut mass = vec![0.0; placed.mapped.x.len()];
         self.explain(placed, kernels, |j, explained| {
             if placed.is_left_out(j) {
                 return;
             }
             let (q, near) = (&self.target[j], placed.near_to(j));
             sums.log_likelihood += explained.log;
-            nearest[near[0] as usize] += 1.0;
+            sums.nearest[near[0] as usize] += 1.0;
             total.fill(0.0);
             for (share, k) in explained.shares().zip(near) {
                 if share < NEGLIGIBLE {
@@ -348,11 +348,8 @@ impl<'a> PointsLikelihood<'a> {
             if mass[k] > 0.0 {
                 kernels.precisions[k].add_information(&placed.mapped, k, mass[k], &mut sums.complete);
             }
-            if nearest[k] > 0.0 {
-                (0..dim).for_each(|d| add_outer(&mut sums.displacement, placed.mapped.slope(k, d), nearest[k]));
-            }
         }
-        for matrix in [&mut sums.lost, &mut sums.complete, &mut sums.displacement] {
+        for matrix in [&mut sums.lost, &mut sums.complete] {
             symmetrise(n, matrix);
         }
         sums

@@ -90,13 +90,30 @@ pub(crate) fn solve_normal(n: usize, h: &[f64], g: &[f64], damping: f64) -> Opti
     x.iter().all(|v| v.is_finite()).then_some(x)
 }
 
-/// Add the outer product scale v v' to the lower triangle of h.
+/// Add the outer product scale v v' to h, of which the lower triangle counts.
+#[inline]
 pub(crate) fn add_outer(h: &mut [f64], v: &[f64], scale: f64) {
-    let n = v.len();
-    for i in 0..n {
-        let factor = scale * v[i];
-        for j in 0..=i {
-            h[i * n + j] += factor * v[j];
+    // Numbers of unknowns that are common: loops of fixed length stay in registers.
+    match v.len() {
+        3 => add_outer_of::<3>(h, v, scale),
+        6 => add_outer_of::<6>(h, v, scale),
+        7 => add_outer_of::<7>(h, v, scale),
+        n => {
+            for (i, row) in h.chunks_exact_mut(n.max(1)).enumerate() {
+                let factor = scale * v[i];
+                row.iter_mut().zip(&v[..=i]).for_each(|(h, v)| *h += factor * v);
+            }
+        }
+    }
+}
+
+#[inline(always)]
+fn add_outer_of<const N: usize>(h: &mut [f64], v: &[f64], scale: f64) {
+    let (Some(v), (rows, _)) = (v.first_chunk::<N>(), h.as_chunks_mut::<N>()) else { return };
+    for (row, a) in rows.iter_mut().zip(v) {
+        let factor = scale * a;
+        for j in 0..N {
+            row[j] += factor * v[j];
         }
     }
 }

@@ -1,6 +1,6 @@
 //! Coarse alignment: many starts, few points, nearest neighbours mostly along normals, a reach that shrinks.
 
-use super::{PointsLikelihood, fit::quadratic};
+use super::PointsLikelihood;
 use crate::distances::neighbours::Neighbours;
 use crate::geometry::linalg::{add_outer, solve_normal, symmetrise};
 
@@ -34,12 +34,14 @@ impl PointsLikelihood<'_> {
         }
         let (dim, n) = (mapped.dim, mapped.tangent);
         let tree = Neighbours::new(mapped.x.clone(), dim);
-        let (mut h, mut g, mut displacement) = (vec![0.0; n * n], vec![0.0; n], vec![0.0; n * n]);
+        let (mut h, mut g) = (vec![0.0; n * n], vec![0.0; n]);
+        let mut nearest = Vec::with_capacity(self.target.len());
         let mut row = vec![0.0; n];
         let mut fitted = 0.0;
         for q in &self.target {
             let found = tree.nearest(q);
             let k = found.index;
+            nearest.push(k);
             let weight = (1.0 + found.squared / (4.0 * reach * reach)).powi(-2);
             fitted += weight;
             let v: [f64; 3] = std::array::from_fn(|d| q[d] - mapped.x[k][d]);
@@ -49,7 +51,6 @@ impl PointsLikelihood<'_> {
             for d in 0..dim {
                 let slope = mapped.slope(k, d);
                 add_outer(&mut h, slope, weight * everywhere);
-                add_outer(&mut displacement, slope, 1.0);
                 g.iter_mut().zip(slope).for_each(|(g, s)| *g += weight * everywhere * v[d] * s);
             }
             if let Some(axis) = normal {
@@ -63,9 +64,9 @@ impl PointsLikelihood<'_> {
             }
         }
         symmetrise(n, &mut h);
-        symmetrise(n, &mut displacement);
         let mut step = solve_normal(n, &h, &g, DAMPING)?;
-        let moved = (quadratic(n, &displacement, &step) / self.target.len() as f64).sqrt();
+        let displaced: f64 = nearest.iter().map(|k| mapped.displacement(*k, &step)).sum();
+        let moved = (displaced / self.target.len() as f64).sqrt();
         if moved > LONGEST * self.size {
             step.iter_mut().for_each(|s| *s *= LONGEST * self.size / moved);
         }

@@ -154,7 +154,9 @@ impl PointsLikelihood<'_> {
             if promised < ascent.nats {
                 return None;
             }
-            let moved = (quadratic(n, &sums.displacement, &step) / self.target.len() as f64).sqrt();
+            let displaced = sums.nearest.iter().enumerate().filter(|(_, count)| **count > 0.0);
+            let displaced: f64 = displaced.map(|(k, count)| count * placed.mapped.displacement(k, &step)).sum();
+            let moved = (displaced / self.target.len() as f64).sqrt();
             let longest = LONGEST * self.size;
             if moved > longest {
                 step.iter_mut().for_each(|s| *s *= longest / moved);
@@ -193,11 +195,6 @@ fn ahead(last: &mut f64, step: f64) -> f64 {
     }
     *last = step;
     1.0
-}
-
-/// v' M v.
-pub(super) fn quadratic(n: usize, matrix: &[f64], v: &[f64]) -> f64 {
-    (0..n).map(|i| v[i] * (0..n).map(|j| matrix[i * n + j] * v[j]).sum::<f64>()).sum()
 }
 
 #[cfg(test)]

@@ -26,17 +26,10 @@ impl Explained<'_> {
 }
 
 impl PointsLikelihood<'_> {
-    /// Visit the target points, in their order, with what the kernels say about each.
-    pub(super) fn explain(&self, placed: &Placed, kernels: &Kernels, mut visit: impl FnMut(usize, &Explained<'_>)) {
-        let each = placed.each;
-        let mut block = Block::new(each);
-        let lists = placed.near.lists.chunks(ROWS * each).zip(placed.distances.chunks(ROWS * each));
-        for (number, (near, distances)) in lists.enumerate() {
-            self.mover.isa().run(Fill { block: &mut block, kernels, near, distances });
-            for row in 0..near.len() / each {
-                visit(number * ROWS + row, &block.row(row));
-            }
-        }
+    /// Visit the target points, in their order, with what the kernels say about each. What is done there is compiled for the instruction
+    /// set, too.
+    pub(super) fn explain(&self, placed: &Placed, kernels: &Kernels, visit: impl FnMut(usize, &Explained<'_>)) {
+        self.mover.isa().run(Explain { placed, kernels, visit });
     }
 
     /// Visit points of which no lists of neighbours are kept, with the source points nearby, the distances from them and what the kernels say.
@@ -55,6 +48,31 @@ impl PointsLikelihood<'_> {
             let lists = near.chunks_exact(each).zip(distances.chunks_exact(each));
             for (row, (q, (near, distances))) in points.iter().zip(lists).enumerate() {
                 visit(q, near, distances, &block.row(row));
+            }
+        }
+    }
+}
+
+/// The work of [`PointsLikelihood::explain`].
+struct Explain<'a, Visit> {
+    placed: &'a Placed,
+    kernels: &'a Kernels,
+    visit: Visit,
+}
+
+impl<Visit: FnMut(usize, &Explained<'_>)> WithSimd for Explain<'_, Visit> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        let Self { placed, kernels, mut visit } = self;
+        let each = placed.each;
+        let mut block = Block::new(each);
+        let lists = placed.near.lists.chunks(ROWS * each).zip(placed.distances.chunks(ROWS * each));
+        for (number, (near, distances)) in lists.enumerate() {
+            Fill { block: &mut block, kernels, near, distances }.with_simd(simd);
+            for row in 0..near.len() / each {
+                visit(number * ROWS + row, &block.row(row));
             }
         }
     }
