@@ -1,6 +1,6 @@
 //! Fits whose noise has swallowed a misfit, and what is preferred to them (docs/method.md, *Modes*).
 
-use super::modes::{Behind, Mode, Modes, behind, score};
+use super::modes::{Behind, Mode, Modes, score};
 use super::search::Search;
 use crate::distances::likelihood::{Fit, PointsLikelihood};
 use crate::error::Error;
@@ -29,7 +29,7 @@ impl Search<'_> {
         let gain = all.first()?.fit.log_likelihood - chance;
         let (best, others) = all.split_at_mut(1);
         best[0].behind = Behind::default();
-        others.iter_mut().for_each(|mode| mode.behind = behind(fine, &best[0].fit, &mode.fit));
+        others.iter_mut().for_each(|mode| mode.follow(&best[0]));
         Some(Modes { all, gain, ..*modes })
     }
 

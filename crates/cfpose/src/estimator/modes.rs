@@ -30,7 +30,22 @@ const PROPOSED_FOR: usize = 300;
 #[derive(Debug, Clone)]
 pub(super) struct Mode {
     pub fit: Fit,
+    /// Behind the most likely one.
     pub behind: Behind,
+    /// ln p of every target point; empty where it cannot be computed.
+    each: Vec<f64>,
+}
+
+impl Mode {
+    fn new(fine: &PointsLikelihood<'_>, fit: Fit) -> Self {
+        let each = log_each(fine, &fit);
+        Self { fit, behind: Behind::default(), each }
+    }
+
+    /// Compare with the most likely one.
+    pub fn follow(&mut self, best: &Mode) {
+        self.behind = Behind::of(best.fit.log_likelihood - self.fit.log_likelihood, &best.each, &self.each);
+    }
 }
 
 /// How far a fit is behind another.
@@ -42,6 +57,14 @@ pub(super) struct Behind {
 }
 
 impl Behind {
+    /// Compare two fits by the nats between them and ln p of every target point.
+    fn of(nats: f64, best: &[f64], other: &[f64]) -> Self {
+        let differences: Vec<f64> = best.iter().zip(other).map(|(a, b)| a - b).collect();
+        let mean = differences.iter().sum::<f64>() / differences.len() as f64;
+        let square: f64 = differences.iter().map(|d| (d - mean).powi(2)).sum();
+        Self { nats, deviations: if square > 0.0 { nats / square.sqrt() } else { 0.0 } }
+    }
+
     /// Say whether the data cannot tell the two apart.
     pub fn is_equal(&self, criteria: &Criteria) -> bool {
         self.nats < criteria.mode_nats || self.deviations < criteria.mode_deviations
@@ -186,16 +209,21 @@ impl Search<'_> {
             all.remove(same);
         }
         let at = all.partition_point(|mode| mode.fit.log_likelihood >= fit.log_likelihood);
-        let behind_best = if at == 0 { Behind::default() } else { behind(fine, &all[0].fit, &fit) };
-        all.insert(at, Mode { fit, behind: behind_best });
+        let mut mode = Mode::new(fine, fit);
+        if at > 0 {
+            mode.follow(&all[0]);
+        }
+        all.insert(at, mode);
         if at == 0 {
             let (best, others) = all.split_at_mut(1);
-            others.iter_mut().for_each(|mode| mode.behind = behind(fine, &best[0].fit, &mode.fit));
+            others.iter_mut().for_each(|mode| mode.follow(&best[0]));
         }
     }
 
     /// Add the modes that the symmetries of the source make of the equal ones, a few at a time, until there are no new ones or enough.
-    /// A few that all lead nowhere say that the equal modes are no symmetry; where there are many, that has to happen again and again.
+    ///
+    /// A symmetry leads where it says. A few proposals that all lead nowhere, or somewhere else, say that the equal modes are no symmetry;
+    /// where there are many, that has to happen again and again.
     fn completed(&self, fine: &PointsLikelihood<'_>, mut all: Vec<Mode>) -> Vec<Mode> {
         let most = self.parts.criteria.polished[1];
         let equal = |all: &[Mode]| all.iter().filter(|mode| mode.behind.is_equal(&self.parts.criteria)).count();
@@ -207,15 +235,19 @@ impl Search<'_> {
                 return all;
             }
             let best = all.first().map_or(f64::NEG_INFINITY, |mode| mode.fit.log_likelihood);
+            fruitless += 1;
             for theta in proposed {
                 let fit = fine.ascend(&theta, Kernel::Shape, 30, best);
-                tried.push(theta);
                 if let Some(mut fit) = fit.filter(|fit| self.is_usable(fit)) {
+                    let (is_there, known) = (self.apart(&theta, &fit.theta) <= 2.0 * ONE_MODE, equal(&all));
                     self.add_prior(&mut fit);
                     self.insert(fine, fit, &mut all);
+                    if is_there && equal(&all) > known {
+                        fruitless = 0;
+                    }
                 }
+                tried.push(theta);
             }
-            fruitless = if equal(&all) > before { 0 } else { fruitless + 1 };
             if fruitless >= if before < SYMMETRY { 1 } else { FRUITLESS } {
                 return all;
             }
@@ -358,17 +390,14 @@ fn most_likely(fits: &[Fit]) -> Option<&Fit> {
 /// test (1989) of two models that do not contain each other. Where the target is a new sample of a symmetric shape, one of the
 /// equal poses is ahead by chance, by more nats the more points there are.
 pub(super) fn behind(likelihood: &PointsLikelihood<'_>, best: &Fit, other: &Fit) -> Behind {
-    let each = |fit: &Fit| {
-        let mut placed = likelihood.place(&fit.theta, false)?;
-        likelihood.reweigh(&mut placed, &fit.mixture);
-        Some(likelihood.log_each(&placed, &fit.mixture))
-    };
     let nats = best.log_likelihood - other.log_likelihood;
-    let (Some(a), Some(b)) = (each(best), each(other)) else { return Behind { nats, deviations: 0.0 } };
-    let differences: Vec<f64> = a.iter().zip(&b).map(|(a, b)| a - b).collect();
-    let mean = differences.iter().sum::<f64>() / differences.len() as f64;
-    let square: f64 = differences.iter().map(|d| (d - mean).powi(2)).sum();
-    Behind { nats, deviations: if square > 0.0 { nats / square.sqrt() } else { 0.0 } }
+    Behind::of(nats, &log_each(likelihood, best), &log_each(likelihood, other))
+}
+
+fn log_each(likelihood: &PointsLikelihood<'_>, fit: &Fit) -> Vec<f64> {
+    let Some(mut placed) = likelihood.place(&fit.theta, false) else { return Vec::new() };
+    likelihood.reweigh(&mut placed, &fit.mixture);
+    likelihood.log_each(&placed, &fit.mixture)
 }
 
 /// Score a theta by the likelihood of its best mixture.

@@ -77,7 +77,9 @@ impl PointsLikelihood<'_> {
             let k = *k as usize;
             (offset(&placed.mapped.x[k]), self.log_weights[k].exp())
         });
-        let of_target = of_target.iter().map(|other| (offset(&all.rows()[other.index]), 1.0));
+        // Those of the target stand nearest first.
+        let of_target = of_target.iter().take_while(|other| other.squared <= within);
+        let of_target = of_target.map(|other| (offset(&all.rows()[other.index]), 1.0));
         ends_alone(of_source, of_target, &placed.frames[near[0] as usize], within)
     }
 }
