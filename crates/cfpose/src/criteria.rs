@@ -209,6 +209,9 @@ criteria! {
     /// Noise up to which outliers may be a part that only the target shows.
     lacking_noise: f64 = 0.018, "sizes of the target",
         "4 of 96 curves that lack 20 or 30 % of the target's are .10 to .18 off, with a noise of .019 to .026: it hides where they end";
+    /// Noise above which a fit is suspect: shapes that differ by less explain each other.
+    most_noise: f64 = 0.1, "sizes of the target",
+        "of 1302 answers of six hunts that are good without it three have more, one of them .38 off";
     /// Share of the variance of the distances along normals that neighbouring target points have in common, from which on they count as a
     /// misfit, if ..
     misfit: f64 = 0.2, "share",

@@ -131,6 +131,11 @@ fn by_points(candidate: &Candidate, criteria: &Criteria) -> Vec<(String, Weight)
             format!("neighbouring points miss the shape together ({share:.0} % of the variance of their distances)");
         reasons.push((text, Weight::Doubt));
     }
+    if evidence.noise > criteria.most_noise {
+        let noise = 100.0 * evidence.noise;
+        let text = format!("a noise of {noise:.0} % of the size: shapes that differ by less would fit as well");
+        reasons.push((text, Weight::Doubt));
+    }
     if evidence.unseen_source > criteria.unseen {
         let share = 100.0 * evidence.unseen_source;
         let weight = if evidence.is_part_enough(criteria) { Weight::Note } else { Weight::Doubt };
