@@ -9,6 +9,8 @@ use crate::scalar::Scalar;
 mod exponential;
 mod trigonometric;
 
+pub use exponential::exp_below;
+
 /// The widest vector of any supported instruction set, in `f64`.
 pub const MAX_LANES: usize = 8;
 

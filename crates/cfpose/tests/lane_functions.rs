@@ -1,6 +1,7 @@
 //! Accuracy of the vectorised elementary functions on every instruction set of this machine.
 
 use cfpose::{Isa, Jet, Lane, Scalar};
+use cfpose_kernel::lane::exp_below;
 use num_dual::{Derivative, DualSVec64};
 use pulp::{Simd, WithSimd};
 use rand::{RngExt, SeedableRng};
@@ -424,4 +425,13 @@ fn derivatives_exist_where_num_dual_divides_by_zero() {
     assert_eq!((angle.re, angle.eps), (std::f64::consts::FRAC_PI_2, -0.5));
     let far = Scalar::tanh(num_dual::Dual64::new(800.0, 1.0));
     assert_eq!((far.re, far.eps), (1.0, 0.0));
+}
+
+#[test]
+fn exponentials_of_plain_loops_are_within_two_ulp() {
+    for k in 0..=700_000 {
+        let x = -0.001 * f64::from(k);
+        assert!(ulps(exp_below(x), x.exp()) <= 2.0, "{x}");
+    }
+    assert!(exp_below(-1e9) == exp_below(-700.0));
 }

@@ -10,8 +10,47 @@ use crate::scalar::Scalar;
 /// ln 2 in two parts, the first with 21 trailing zero bits: whole multiples of it are exact.
 const LN_2: [f64; 2] = [6.931_471_803_691_238e-1, 1.908_214_929_270_587_7e-10];
 
+/// 1 / n! from n = 13 down to 2.
+const FACTORIALS: [f64; 12] = [
+    1.605_904_383_682_161_5e-10,
+    2.087_675_698_786_81e-9,
+    2.505_210_838_544_172e-8,
+    2.755_731_922_398_589_3e-7,
+    2.755_731_922_398_589e-6,
+    2.480_158_730_158_73e-5,
+    1.984_126_984_126_984e-4,
+    1.388_888_888_888_889e-3,
+    8.333_333_333_333_333e-3,
+    4.166_666_666_666_666_4e-2,
+    1.666_666_666_666_666_6e-1,
+    0.5,
+];
+
 /// 2/3 in two parts.
 const TWO_THIRDS: [f64; 2] = [6.666_666_666_666_666e-1, 3.700_743_415_417_188e-17];
+
+/// Return e^x for x up to 0, at least e^-700, within 2 ulp: 2^n e^r with n whole and r at most ln 2 / 2 in size.
+///
+/// No branch, no table and no fused product: a loop over it has vectors on every instruction set, and the same bits on all of them.
+///
+/// ```
+/// use cfpose_kernel::lane::exp_below;
+/// assert!(exp_below(0.0) == 1.0 && (exp_below(-2.5) / (-2.5_f64).exp() - 1.0).abs() < 4e-16);
+/// assert!(exp_below(f64::NEG_INFINITY) < 1e-300);
+/// ```
+#[inline(always)]
+pub fn exp_below(x: f64) -> f64 {
+    let x = if x > -700.0 { x } else { -700.0 };
+    let n = (x * LOG2_E + ROUND) - ROUND;
+    let r = (x - n * LN_2[0]) - n * LN_2[1];
+    let mut series = FACTORIALS[0];
+    for coefficient in &FACTORIALS[1..] {
+        series = series * r + coefficient;
+    }
+    // n + 1023 + 2^52 has the exponent field of 2^n in its low bits.
+    let power = f64::from_bits((n + 4_503_599_627_371_519.0).to_bits() << 52);
+    (r + r * r * series + 1.0) * power
+}
 
 impl<S: Simd> Lane<S> {
     /// Return (m, n) with e^(self + tail) = m 2^n for |self| up to 720 (beyond, that of 720) and a small tail.
@@ -25,20 +64,7 @@ impl<S: Simd> Lane<S> {
         if let Some(tail) = tail {
             r = r + tail;
         }
-        let series = r.horner([
-            1.605_904_383_682_161_5e-10,
-            2.087_675_698_786_81e-9,
-            2.505_210_838_544_172e-8,
-            2.755_731_922_398_589_3e-7,
-            2.755_731_922_398_589e-6,
-            2.480_158_730_158_73e-5,
-            1.984_126_984_126_984e-4,
-            1.388_888_888_888_889e-3,
-            8.333_333_333_333_333e-3,
-            4.166_666_666_666_666_4e-2,
-            1.666_666_666_666_666_6e-1,
-            0.5,
-        ]);
+        let series = r.horner(FACTORIALS);
         ((r * r).mul_add(series, r) + 1.0, count)
     }
 

@@ -1,5 +1,6 @@
 //! Which source points are responsible for the target points: a block of target points at a time, a vector of them at a step.
 
+use cfpose_kernel::lane::exp_below;
 use pulp::{Simd, WithSimd};
 
 use super::kernels::Kernels;
@@ -148,53 +149,5 @@ impl WithSimd for Fill<'_> {
         for parts in shares {
             parts.iter_mut().zip(&inverse).for_each(|(part, inverse)| *part *= inverse);
         }
-    }
-}
-
-/// Adding and subtracting 1.5 * 2^52 rounds to the nearest integer.
-const ROUND: f64 = 6_755_399_441_055_744.0;
-/// ln 2 in two parts, the first with 21 trailing zero bits: whole multiples of it are exact.
-const LN_2: [f64; 2] = [6.931_471_803_691_238e-1, 1.908_214_929_270_587_7e-10];
-/// 1 / n! from n = 12 down to 2.
-const FACTORIALS: [f64; 11] = [
-    2.087_675_698_786_81e-9,
-    2.505_210_838_544_172e-8,
-    2.755_731_922_398_589_3e-7,
-    2.755_731_922_398_589e-6,
-    2.480_158_730_158_73e-5,
-    1.984_126_984_126_984e-4,
-    1.388_888_888_888_889e-3,
-    8.333_333_333_333_333e-3,
-    4.166_666_666_666_666_4e-2,
-    1.666_666_666_666_666_6e-1,
-    0.5,
-];
-
-/// Return e^x for x up to 0, at least e^-700: 2^n e^r with n whole and r at most ln 2 / 2 in size. No branch, no table, no fused product.
-#[inline(always)]
-fn exp_below(x: f64) -> f64 {
-    let x = if x > -700.0 { x } else { -700.0 };
-    let n = (x * std::f64::consts::LOG2_E + ROUND) - ROUND;
-    let r = (x - n * LN_2[0]) - n * LN_2[1];
-    let mut series = FACTORIALS[0];
-    for coefficient in &FACTORIALS[1..] {
-        series = series * r + coefficient;
-    }
-    // n + 1023 + 2^52 has the exponent field of 2^n in its low bits.
-    let power = f64::from_bits((n + 4_503_599_627_371_519.0).to_bits() << 52);
-    (r + r * r * series + 1.0) * power
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn exponentials_are_those_of_the_library() {
-        for k in 0..=70_000 {
-            let x = -0.01 * f64::from(k);
-            assert!((exp_below(x) / x.exp() - 1.0).abs() < 4e-16, "{x}");
-        }
-        assert!(exp_below(0.0) == 1.0 && exp_below(f64::NEG_INFINITY) > 0.0 && exp_below(-1e9) < 1e-300);
     }
 }
