@@ -54,10 +54,9 @@ impl Search<'_> {
         let source_points = self.compared_points(&again)?;
         let Some(fine) = self.comparison(source_points)? else { return Ok(None) };
         let fine = fine.with_noise_below(most);
-        let exact = self.modes_among(&fine, again, given)?;
-        let is_sound =
-            |exact: &Modes| self.is_beyond_chance(&fine, exact.gain) && !self.is_misfit(&fine, &exact.all[0].fit);
-        let Some(exact) = exact.filter(is_sound) else { return Ok(None) };
-        self.implied_by(&fine, Modes { most_noise: Some(most), source_points, ..exact }).map(Some)
+        let Some(exact) = self.modes_among(&fine, again, given)? else { return Ok(None) };
+        let exact = self.implied_by(&fine, Modes { most_noise: Some(most), source_points, ..exact })?;
+        let is_sound = self.is_beyond_chance(&fine, exact.gain) && !self.is_misfit(&fine, &exact.all[0].fit);
+        Ok(is_sound.then_some(exact))
     }
 }

@@ -21,6 +21,8 @@ const AT_A_TIME: usize = 4;
 const SYMMETRY: usize = 6;
 /// So often may all of a few lead nowhere then.
 const FRUITLESS: usize = 3;
+/// Share of clutter up to which several equal modes are all that is looked for: with two copies of the source a half is unexplained.
+const SEVERAL: f64 = 0.4;
 /// Least noise while starts are sorted: without it the first theta that is polished leaves equal ones far behind.
 const COARSE_NOISE: f64 = 0.005;
 /// Points of each side that starts are proposed for.
@@ -174,12 +176,13 @@ impl Search<'_> {
         Ok((!all.is_empty()).then_some(Modes { all, gain, most_noise: None, source_points: 0 }))
     }
 
-    /// Add what the modes imply: those of the symmetries of the source, and those of the rest of the target while there is one answer, or
-    /// none that can be believed.
+    /// Add what the modes imply: those of the symmetries of the source, and those of the rest of the target, unless there are several answers
+    /// that explain most of it and can be believed.
     pub(super) fn implied_by(&self, fine: &PointsLikelihood<'_>, modes: Modes) -> Result<Modes, Error> {
         let mut all = self.completed(fine, modes.all);
+        let best = &all[0].fit;
         let has_equal = all[1..].iter().any(|mode| mode.behind.is_equal(&self.parts.criteria));
-        if !has_equal || self.is_misfit(fine, &all[0].fit) {
+        if !has_equal || best.mixture.clutter > SEVERAL || self.is_misfit(fine, best) {
             self.add_others(fine, &mut all)?;
         }
         let gain = all[0].fit.log_likelihood - fine.chance();
