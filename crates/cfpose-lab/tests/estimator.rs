@@ -6,9 +6,11 @@ use std::sync::Arc;
 
 use cfpose::entry::find;
 use cfpose::estimator::{Outliers, Pipeline, Stage};
-use cfpose::{Estimate, Estimator, Execution, Registry, Settings, Supervision, Verdict};
+use cfpose::{Estimate, Estimator, Execution, Points, Registry, Settings, Supervision, Verdict};
 use cfpose_lab::method::Method;
 use cfpose_lab::{Scenario, Trial, scenarios, seed};
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha12Rng;
 
 /// A trial and who compares an estimate with its truth.
 struct Case {
@@ -229,4 +231,52 @@ fn small_subsets_first_lead_to_the_same_theta() {
     assert!(scheduled.error.total() < 1e-7, "{:?}", scheduled.error);
     // The schedule did solve on subsets: each start took more solves' worth of evaluations, all but the last of them small.
     assert!(scheduled.estimate.evaluations > at_once.estimate.evaluations);
+}
+
+#[test]
+fn a_part_of_the_points_leads_to_the_answer_of_all() {
+    for spec in [
+        "cloud3[points=1000,noise=0.005]",
+        "cloud3[points=1000,noise=0.005,clutter=0.3]",
+        "planar-curve[curve=butterfly,theta=random,b_i=0.3,b_p=0.01]",
+        "planar-curve[curve=heart,theta=random,b_i=0.3,b_p=0.01,start=none]",
+    ] {
+        let case = Case::new(spec, 0);
+        let settings = case.settings("auto");
+        let mut pipeline = case.prepare(&settings, &Execution::default()).pipeline().clone();
+        let all = case.solve_with(&settings);
+        pipeline.criteria.explored = 200;
+        let part = case.solve_with(&Settings { pipeline: Some(pipeline), ..settings });
+        assert!(all.success && part.estimate.verdict == all.estimate.verdict, "{spec}: {:?}", part.estimate.verdict);
+        assert!((part.error.total() - all.error.total()).abs() < 1e-4, "{spec}: {:?} {:?}", part.error, all.error);
+    }
+}
+
+#[test]
+fn theta_means_the_same_on_a_part() {
+    // The control points of this warp are chosen among the points of the source.
+    let mut rng = ChaCha12Rng::seed_from_u64(3);
+    let rows: Vec<[f64; 2]> = (0..2000)
+        .map(|_| {
+            let (angle, radius) = (rng.random_range(0.0..6.3_f64), rng.random_range(0.8..1.0_f64));
+            [radius * angle.cos() * (1.0 + 0.3 * angle.sin()), radius * angle.sin()]
+        })
+        .collect();
+    let warped: Vec<[f64; 2]> =
+        rows.iter().map(|[x, y]| [1.05 * x + 0.1 * y + 0.05 * x * y, 0.98 * y - 0.03]).collect();
+    let (source, target) = (Points::from_rows(&rows).unwrap(), Points::from_rows(&warped).unwrap());
+    let settings = Settings::preset("auto", "thin-plate2[points=4]").unwrap();
+    let prepare = |settings: &Settings| {
+        Estimator::new(&Registry::default(), settings, &source, &target, &Execution::default()).unwrap()
+    };
+    let all = prepare(&settings);
+    let mut pipeline = all.pipeline().clone();
+    assert!(pipeline.points.is_some());
+    pipeline.criteria.explored = 300;
+    let part = prepare(&Settings { pipeline: Some(pipeline), ..settings.clone() });
+    let [all, part] = [all, part].map(|estimator| estimator.solve(Supervision::default()).unwrap());
+    assert!(all.usable() && part.usable());
+    for (a, b) in all.theta.iter().zip(&part.theta) {
+        assert!((a - b).abs() < 1e-4, "{:?} {:?}", all.theta, part.theta);
+    }
 }

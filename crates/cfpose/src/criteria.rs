@@ -148,7 +148,8 @@ criteria! {
     /// Global starts that lead the means somewhere before the points are asked.
     first_global: usize = 2, "starts",
         "a budget: a failed start is cheaper to replace than outliers are to find";
-    /// Points of each side that the means are led somewhere on, before the points are asked; only where they lead to are all of them used.
+    /// Points of each side that the means are led somewhere on where there are more than twice as many, before the points are asked; all of them
+    /// are used where those lead to. 0: never.
     explored: usize = 20_000, "points",
         "a budget: the modes are compared on far fewer";
     /// Perturbations of a given start in turn: standard deviations of the rotation, and of lengths in sizes of the source.

@@ -128,7 +128,7 @@ impl Parts {
 /// An estimate made ready: built once, solved many times.
 ///
 /// It owns all of its parts, so that it may move to another thread and outlive what it was built from. A second solve repeats
-/// none of the set-up.
+/// none of the set-up, except that of the part that many points are explored on.
 ///
 /// ```
 /// use cfpose::{Estimator, Execution, Points, Registry, Settings, Supervision};

@@ -29,7 +29,7 @@ const FACTORIALS: [f64; 12] = [
 /// 2/3 in two parts.
 const TWO_THIRDS: [f64; 2] = [6.666_666_666_666_666e-1, 3.700_743_415_417_188e-17];
 
-/// Return e^x for x up to 0, at least e^-700, within 2 ulp: 2^n e^r with n whole and r at most ln 2 / 2 in size.
+/// Return e^x for x up to 0, at least e^-700 (for NaN, too), within 2 ulp: 2^n e^r with n whole and r at most ln 2 / 2 in size.
 ///
 /// No branch, no table and no fused product: a loop over it has vectors on every instruction set, and the same bits on all of them.
 ///

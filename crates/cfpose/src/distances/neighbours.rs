@@ -100,9 +100,10 @@ impl Neighbours {
         }
     }
 
-    /// Find the `count` nearest points: the nearest first, the farthest last, the others in any order. Each of `known` holds as many points
-    /// of the set, which may lie near: nothing beyond the farthest of them is looked at. That is several times faster than
-    /// [`Neighbours::nearest_n`] where they do.
+    /// Find the `count` nearest points: the nearest first, the farthest last, the others in any order. Lists of `known` with at least `count`
+    /// points of the set (shorter ones say nothing) may lie near: nothing beyond the farthest of them is looked at. That is several times
+    /// faster than [`Neighbours::nearest_n`] where they do. `found` takes the result and comes with that of a point nearby, or empty: it
+    /// tells which bounds are too loose to be of use.
     pub fn nearest_n_beside(&self, p: &[f64; 3], count: usize, known: &[&[u32]], found: &mut Vec<Neighbour>) {
         let count = count.min(self.rows.len());
         let farthest =
@@ -117,7 +118,7 @@ impl Neighbours {
         }
         if found.len() < count {
             *found = self.nearest_n(p, count);
-        } else if count > 0 {
+        } else {
             let by_distance =
                 |a: &Neighbour, b: &Neighbour| a.squared.total_cmp(&b.squared).then(a.index.cmp(&b.index));
             found.select_nth_unstable_by(count - 1, by_distance);

@@ -39,6 +39,7 @@ pub(super) struct Mode {
 }
 
 impl Mode {
+    /// Take a fit as the most likely one so far.
     fn new(fine: &PointsLikelihood<'_>, fit: Fit) -> Self {
         let each = log_each(fine, &fit);
         Self { fit, behind: Behind::default(), each }
@@ -397,6 +398,7 @@ pub(super) fn behind(likelihood: &PointsLikelihood<'_>, best: &Fit, other: &Fit)
     Behind::of(nats, &log_each(likelihood, best), &log_each(likelihood, other))
 }
 
+/// Return ln p of every target point at a fit; nothing where a point is mapped to infinity.
 fn log_each(likelihood: &PointsLikelihood<'_>, fit: &Fit) -> Vec<f64> {
     let Some(mut placed) = likelihood.place(&fit.theta, false) else { return Vec::new() };
     likelihood.reweigh(&mut placed, &fit.mixture);

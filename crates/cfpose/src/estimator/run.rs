@@ -43,7 +43,7 @@ fn plan(pipeline: &Pipeline, given: &[Vec<f64>], criteria: &Criteria) -> Vec<Ste
 /// What came out of a search.
 #[derive(Default)]
 pub(super) struct Found {
-    /// All candidates of the climbs, best first.
+    /// All candidates of the climbs, best first; none where a part of the points led to the answer.
     pub all: Vec<Candidate>,
     /// The best, which may be a repaired one that is not among them.
     pub best: Option<Candidate>,
@@ -52,7 +52,7 @@ pub(super) struct Found {
 }
 
 impl Search<'_> {
-    /// Try one thing after the other until a candidate is accepted.
+    /// Try one thing after the other until a candidate is accepted; where the points have the last word, on a part of many points first.
     ///
     /// # Errors
     /// [`Error`] for misuse of a solver, a start strategy that does not apply, points mapped to infinity.
@@ -63,7 +63,8 @@ impl Search<'_> {
             if found.best.is_none() && self.interrupt.is_raised() {
                 // On all points nothing was solved: the best on a part is the best there is.
                 let best = all.first().map(|best| self.last().unsolved(&best.theta, self.parts));
-                found.best = best.map(|best| best.on(&self.stages.data));
+                let plausible = |best: Candidate| Candidate { plausible: self.is_plausible(&best.theta), ..best };
+                found.best = best.map(|best| plausible(best).on(&self.stages.data));
             }
         }
         if found.best.is_none() && !self.interrupt.is_raised() {
@@ -82,6 +83,7 @@ impl Search<'_> {
         self.pipeline.points.is_some() && !self.last().model().target.is_moving()
     }
 
+    /// Climb, one step of the plan after the other, until a candidate is accepted.
     fn climb_by_plan(&mut self, given: &[Vec<f64>], found: &mut Found, watch: &mut Watch<'_>) -> Result<(), Error> {
         for step in plan(self.pipeline, given, &self.parts.criteria) {
             self.take(step, found, watch)?;
@@ -100,7 +102,9 @@ impl Search<'_> {
         if !self.has_points() || most == 0 || data.source.len().max(data.target.len()) <= 2 * most {
             return Ok(None);
         }
-        let stages = Stages::new(self.parts, data.thinned(most, self.parts.settings.seed)?, self.pipeline, 0)?;
+        // A part that cannot be set up, because hardly a point has weight, is none.
+        let Ok(part) = data.thinned(most, self.parts.settings.seed) else { return Ok(None) };
+        let Ok(stages) = Stages::new(self.parts, part, self.pipeline, 0) else { return Ok(None) };
         let mut search = Search::new(self.parts, self.pipeline, &stages, self.interrupt);
         let mut found = Found::default();
         search.climb_by_plan(given, &mut found, watch)?;

@@ -7,7 +7,7 @@ use cfpose_kernel::points::{Points, PointsError};
 use super::Parts;
 use super::pipeline::{NoiseModel, Stage};
 use super::stage::ReadyStage;
-use crate::distances::sampling::{stray, thin};
+use crate::distances::sampling::{draw, stray, thin};
 use crate::entry::BuildContext;
 use crate::error::{Error, Side};
 use crate::model::Model;
@@ -22,12 +22,14 @@ pub(super) struct Data {
     /// Rows of the files (from 0) that are left, `None` for all.
     pub kept_source: Option<Arc<Vec<usize>>>,
     pub kept_target: Option<Arc<Vec<usize>>>,
+    /// Source that models are built for: one with control points among the points means others by theta on another source.
+    model_source: Arc<Points>,
 }
 
 impl Data {
     /// Take all rows.
     pub fn whole(source: Arc<Points>, target: Arc<Points>) -> Self {
-        Self { source, target, kept_source: None, kept_target: None }
+        Self { model_source: Arc::clone(&source), source, target, kept_source: None, kept_target: None }
     }
 
     /// Leave the stray points of both sides out.
@@ -39,17 +41,15 @@ impl Data {
         self.keep(rest(&self.source).as_deref(), rest(&self.target).as_deref())
     }
 
-    /// Keep a random choice of at most `most` points of each side.
-    pub fn thinned(&self, most: usize, seed: u64) -> Result<Self, Error> {
+    /// Take a random choice of at most `most` points of each side, by their weights; theta means the same on it.
+    pub fn thinned(&self, most: usize, seed: u64) -> Result<Self, PointsError> {
         let mut rng = stream(seed, "explored");
-        let mut choose = |side, points: &Arc<Points>| -> Result<Arc<Points>, Error> {
-            if points.len() <= most {
-                return Ok(Arc::clone(points));
-            }
-            thin(points, most, &mut rng).map(Arc::new).map_err(of_side(side))
+        let mut choose = |points: &Arc<Points>| match points.len() <= most {
+            true => Ok(Arc::clone(points)),
+            false => draw(points, most, &mut rng).map(Arc::new),
         };
-        let (source, target) = (choose(Side::Source, &self.source)?, choose(Side::Target, &self.target)?);
-        Ok(Self::whole(source, target))
+        let (source, target) = (choose(&self.source)?, choose(&self.target)?);
+        Ok(Self { model_source: Arc::clone(&self.model_source), ..Self::whole(source, target) })
     }
 
     /// Keep some rows (indices into what is left), `None` for all of a side.
@@ -61,6 +61,7 @@ impl Data {
         };
         if let Some(rows) = source {
             kept.source = Arc::new(self.source.select(rows).map_err(of_side(Side::Source))?);
+            kept.model_source = Arc::clone(&kept.source);
             kept.kept_source = Some(compose(&self.kept_source, rows));
         }
         if let Some(rows) = target {
@@ -94,7 +95,11 @@ impl<'a> Workbench<'a> {
     }
 
     fn context(&self) -> BuildContext<'a> {
-        BuildContext { seed: self.parts.settings.seed, source: Some(&self.data.source), ..BuildContext::default() }
+        BuildContext {
+            seed: self.parts.settings.seed,
+            source: Some(&self.data.model_source),
+            ..BuildContext::default()
+        }
     }
 
     fn model(&mut self, spec: &str) -> Result<Arc<Model>, Error> {

@@ -1,4 +1,4 @@
-//! The kernels on the source points: their precisions, and who is responsible for a target point.
+//! The kernels on the source points: their precisions, and the parts of ln p that do not depend on the target.
 
 use super::shape::Frame;
 use super::{Kernel, Mixture, Placed, PointsLikelihood};
@@ -11,13 +11,11 @@ impl PointsLikelihood<'_> {
         let dim = placed.mapped.dim;
         let log_inlier = (1.0 - mixture.clutter).ln() - 0.5 * dim as f64 * std::f64::consts::TAU.ln();
         let precisions: Vec<Precision> = placed.frames.iter().map(|frame| Precision::of(frame, mixture)).collect();
-        let parts = precisions.iter().map(|precision| {
-            let peak = log_inlier + 0.5 * precision.determinant(dim).ln();
-            [peak, -0.5 * precision.along, -0.5 * precision.across, precision.bend]
-        });
-        let (parts, log_weights) = (parts.collect(), vec![0.0; precisions.len()]);
+        let peaks = precisions.iter().map(|precision| log_inlier + precision.root(dim).ln()).collect();
+        let part = |precision: &Precision| [0.0, -0.5 * precision.along, -0.5 * precision.across, precision.bend];
+        let parts = precisions.iter().map(part).collect();
         let log_clutter = mixture.clutter.ln() + self.log_uniform;
-        let mut kernels = Kernels { mixture: *mixture, parts, log_weights, precisions, log_clutter };
+        let mut kernels = Kernels { mixture: *mixture, parts, peaks, precisions, log_clutter };
         kernels.weigh(&placed.log_weights);
         kernels
     }
@@ -28,8 +26,9 @@ pub(crate) struct Kernels {
     pub(super) mixture: Mixture,
     /// ln of the peak, what multiplies the squares along and across the axis, where the middle lies on it.
     parts: Vec<[f64; 4]>,
-    /// ln of the weights in the peaks.
-    log_weights: Vec<f64>,
+    /// ln of the peaks without the weights of the source points.
+    peaks: Vec<f64>,
+    /// Of every source point.
     pub(super) precisions: Vec<Precision>,
     /// ln of the part of clutter.
     pub(super) log_clutter: f64,
@@ -38,9 +37,8 @@ pub(crate) struct Kernels {
 impl Kernels {
     /// Give the source points other weights.
     pub(super) fn weigh(&mut self, log_weights: &[f64]) {
-        for ((part, before), log_weight) in self.parts.iter_mut().zip(&mut self.log_weights).zip(log_weights) {
-            part[0] += log_weight - *before;
-            *before = *log_weight;
+        for ((part, peak), log_weight) in self.parts.iter_mut().zip(&self.peaks).zip(log_weights) {
+            part[0] = peak + log_weight;
         }
     }
 
@@ -90,9 +88,10 @@ impl Precision {
         self.axis.iter().zip(v).map(|(a, v)| a * v).sum()
     }
 
-    /// det S^-1 in `dim` dimensions.
-    fn determinant(&self, dim: usize) -> f64 {
-        (1..dim).fold(self.along, |product, _| product * self.across)
+    /// Root of det S^-1 in `dim` dimensions.
+    fn root(&self, dim: usize) -> f64 {
+        let across = self.across.sqrt();
+        (1..dim).fold(self.along.sqrt(), |product, _| product * across)
     }
 
     /// S^-1 (v - bend a), v from the source point to a target point.
@@ -114,7 +113,7 @@ impl Precision {
     }
 
     /// Fisher scoring for s^2: each direction tells by its squared precision how far its square exceeds its tangential width.
-    /// Weighted sums of squares along the axis and across it, and of the weights; returns what s^2 is a quotient of.
+    /// Takes the weighted sums of squares along the axis and across it, and that of the weights; returns numerator and denominator of s^2.
     pub fn variance(&self, [on, off, share]: [f64; 3], dim: usize) -> [f64; 2] {
         let (along, across) = (self.along * self.along, self.across * self.across);
         let others = dim as f64 - 1.0;

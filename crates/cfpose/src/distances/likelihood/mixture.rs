@@ -7,6 +7,7 @@ use super::{Kernel, Mixture, Placed, PointsLikelihood};
 const CLUTTER: [f64; 2] = [1e-3, 0.85];
 /// Noise is between these shares of the target's size.
 pub(super) const SIGMA: [f64; 2] = [2e-4, 0.25];
+
 /// Sums over the target at one theta and mixture.
 pub(super) struct Survey {
     pub log_likelihood: f64,

@@ -9,6 +9,9 @@ use super::{Nearby, Placed, PointsLikelihood};
 /// Target points of a block: a multiple of the lanes of every instruction set.
 const ROWS: usize = 32;
 
+/// Parts that are so many nats below the largest one are nothing.
+const NOTHING: f64 = -30.0;
+
 /// What the kernels say about one target point.
 pub(super) struct Explained<'a> {
     /// ln p(q).
@@ -27,8 +30,8 @@ impl Explained<'_> {
 }
 
 impl PointsLikelihood<'_> {
-    /// Visit the target points, in their order, with what the kernels say about each. What is done there is compiled for the instruction
-    /// set, too.
+    /// Visit the target points, in their order, with what the kernels say about each. The visit is compiled for the instruction set, too,
+    /// where the compiler puts it in its place.
     pub(super) fn explain(&self, placed: &Placed, kernels: &Kernels, visit: impl FnMut(usize, &Explained<'_>)) {
         self.mover.isa().run(Explain { placed, kernels, visit });
     }
@@ -132,7 +135,9 @@ impl WithSimd for Fill<'_> {
         *inliers = [0.0; ROWS];
         for parts in &mut *shares {
             for ((part, largest), inlier) in parts.iter_mut().zip(&largest).zip(&mut *inliers) {
-                *part = exp_below(*part - largest);
+                let below = *part - largest;
+                let share = exp_below(below);
+                *part = if below > NOTHING { share } else { 0.0 };
                 *inlier += *part;
             }
         }
