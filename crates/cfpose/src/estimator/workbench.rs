@@ -186,3 +186,36 @@ fn effective(points: &Points) -> f64 {
     let (sum, squares) = points.weights().iter().fold((0.0, 0.0), |(s, t), w| (s + w, t + w * w));
     sum * sum / squares
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{Estimator, Execution, Registry, Settings};
+
+    #[test]
+    fn theta_means_the_same_on_a_part() {
+        // The control points of this warp are the farthest points of a disk: others on every part of it.
+        let rows: Vec<[f64; 2]> = (0..2000)
+            .map(|k| {
+                let (angle, radius) = (2.4 * f64::from(k), (f64::from(k) / 2000.0).sqrt());
+                [radius * angle.cos(), radius * angle.sin()]
+            })
+            .collect();
+        let points = Points::from_rows(&rows).unwrap();
+        let settings = Settings::preset("auto", "thin-plate2[points=5]").unwrap();
+        let estimator =
+            Estimator::new(&Registry::default(), &settings, &points, &points, &Execution::default()).unwrap();
+        let (all, stage) = (&estimator.stages.data, &estimator.pipeline.stages[0]);
+        let part = all.thinned(300, 1).unwrap();
+        let theta: Vec<f64> = (0..10).map(|k| f64::from(k).sin()).collect();
+        let mapped = |data: &Data| {
+            let stage = Stage { source_points: 0, ..stage.clone() };
+            Workbench::new(&estimator.parts, data).stage(&stage).unwrap().mapped_source(&theta).unwrap()
+        };
+        let (of_all, of_part) = (mapped(all), mapped(&part));
+        for k in 0..part.source.len() {
+            let same = (0..all.source.len()).find(|j| all.source.point(*j) == part.source.point(k)).unwrap();
+            assert!((0..2).all(|d| (of_all.point(same)[d] - of_part.point(k)[d]).abs() < 1e-12), "{k}");
+        }
+    }
+}
