@@ -106,6 +106,9 @@ impl Neighbours {
     /// tells which bounds are too loose to be of use.
     pub fn nearest_n_beside(&self, p: &[f64; 3], count: usize, known: &[&[u32]], found: &mut Vec<Neighbour>) {
         let count = count.min(self.rows.len());
+        if count == 0 {
+            return found.clear();
+        }
         let farthest =
             |list: &&[u32]| list.iter().map(|k| self.squared(&self.rows[*k as usize], p)).fold(0.0, f64::max);
         let full = known.iter().filter(|list| list.len() >= count);
@@ -193,6 +196,8 @@ mod tests {
             }
             // Beside the neighbours of other points: the same ones, the nearest first, the farthest last.
             let (mut found, mut before) = (tree.nearest_n(&queries[0], 7), Vec::new());
+            tree.nearest_n_beside(&queries[0], 0, &[], &mut found);
+            assert!(found.is_empty());
             for q in &queries {
                 tree.nearest_n_beside(q, 7, &[&[3; 2], &before], &mut found);
                 before = found.iter().map(|n| n.index as u32).collect();

@@ -19,7 +19,7 @@ pub(super) const ONE_MODE: f64 = 0.1;
 const AT_A_TIME: usize = 4;
 /// So many equal modes are those of a symmetry, even if some that it implies lead nowhere.
 const SYMMETRY: usize = 6;
-/// So often may all of a few lead nowhere then.
+/// So many times in a row may all of a few lead nowhere then.
 const FRUITLESS: usize = 3;
 /// Share of clutter up to which several equal modes are all that is looked for: with two copies of the source a half is unexplained.
 const SEVERAL: f64 = 0.4;

@@ -111,6 +111,7 @@ impl<'a> Search<'a> {
         self.climb_from(0, theta, watch)
     }
 
+    /// Lead one theta through the stages from `first` on; `None` as of [`Search::climb`].
     pub fn climb_from(
         &mut self,
         first: usize,

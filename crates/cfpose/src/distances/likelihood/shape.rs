@@ -202,3 +202,23 @@ fn main_axis(c: &[[f64; 3]; 3], second: f64) -> [f64; 3] {
 fn norm(v: &[f64; 3]) -> f64 {
     cfpose_optim::manifold::norm3(v)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn half_angles_are_those_of_the_arc_tangent() {
+        for k in 0..=720 {
+            let (mixed, difference) = (f64::from(k) * std::f64::consts::PI / 360.0).sin_cos();
+            let (sin, cos) = (0.5 * mixed.atan2(difference)).sin_cos();
+            let axis = across_half_angle(difference, mixed, difference.hypot(mixed));
+            // An axis has no sign.
+            assert!(
+                (axis[0] * cos + axis[1] * sin).abs() < 1e-15 && (axis[1] * cos - axis[0] * sin).abs() > 0.999,
+                "{k}"
+            );
+        }
+        assert_eq!(across_half_angle(0.0, 0.0, 0.0), [0.0, 1.0, 0.0]);
+    }
+}
