@@ -27,7 +27,7 @@ fn text_files() {
     desk.write("wide.csv", "1,2,3,4\n5,6,7,8\n");
     assert_snapshot!(desk.fails(3, &format!("{RIGID} wide.csv")), @"error: wide.csv: line 1: 4 columns; points have 1, 2 or 3 columns and, if a header names it, a column w of weights; choose them with --columns 1,2,3");
     desk.write("flat.csv", "1,2\n3,4\n5,6\n");
-    assert_snapshot!(desk.fails(3, &format!("{RIGID} flat.csv")), @"error: flat.csv: source points have 2 coordinates, model `rigid3` takes 3");
+    assert_snapshot!(desk.fails(3, &format!("{RIGID} flat.csv")), @"error: flat.csv: source points have 2 coordinates, model `rigid3` takes 3; give points of 3, or a model for 2");
     desk.write("equal.csv", "1,2,3\n1,2,3\n1,2,3\n");
     assert_snapshot!(desk.fails(3, &format!("{RIGID} equal.csv")), @"error: equal.csv: only 1 distinct point(s); an estimate needs at least 2");
     desk.write("word.csv", "1,2,3\n4,five,6\n");

@@ -39,7 +39,9 @@ pub enum Error {
         problem: PointsError,
     },
     /// The dimension of a point set does not fit the model.
-    #[error("{side} points have {found} coordinates, model `{model}` takes {expected}")]
+    #[error(
+        "{side} points have {found} coordinates, model `{model}` takes {expected}; give points of {expected}, or a model for {found}"
+    )]
     PointDimension {
         /// Which set.
         side: Side,

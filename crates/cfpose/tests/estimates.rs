@@ -117,7 +117,10 @@ fn too_few_features_and_wrong_dimensions_are_errors_in_one_line() {
         run(&settings, &cube, &cube),
         "3 feature function(s) cannot determine 6 unknowns; use a larger family or fix parameters"
     );
-    assert_eq!(run(&settings, &plane, &cube), "source points have 2 coordinates, model `rigid3` takes 3");
+    assert_eq!(
+        run(&settings, &plane, &cube),
+        "source points have 2 coordinates, model `rigid3` takes 3; give points of 3, or a model for 2"
+    );
     let equal = Points::from_rows(&[[1.0, 1.0, 1.0]; 5]).unwrap();
     assert_eq!(run(&settings, &cube, &equal), "target points: only 1 distinct point(s); an estimate needs at least 2");
     let settings = Settings { features: Some("trig19".into()), ..settings };

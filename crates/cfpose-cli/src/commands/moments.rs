@@ -165,7 +165,9 @@ fn check_model(
     let model = registry.model(name, &BuildContext::default())?;
     let expected = model.source.point_dim();
     if expected != dim {
-        return Err(Failure::input(format!("the points have {dim} coordinates, model `{name}` takes {expected}")));
+        return Err(Failure::input(format!(
+            "the points have {dim} coordinates, model `{name}` takes {expected}; give points of {expected}, or a model for {dim}"
+        )));
     }
     let probe = Points::from_columns(vec![vec![0.0, 1.0]; dim]).map_err(Failure::input)?;
     let mut sums = GatheredMoments::new(dim, 2 * degree, [0.0; 3], "");
